@@ -27,9 +27,9 @@ demo: .venv/.base
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
-# Without what starts browsers, clusters, planners or many processes.
+# Without what starts browsers, clusters, planners or many processes; names what takes longer than 2 s and is to be marked.
 test-fast: setup
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" --durations=10 --durations-min=2
 
 # The fast tests with the lowest versions that pyproject.toml declares.
 test-lowest: setup

@@ -87,10 +87,13 @@ def disturbed(job: Job, work: Path, kills: int, random: np.random.Generator) -> 
     done = ended = 0
     words = job.first(killed)
     while done < kills:
+        start = time.monotonic()
         if kill_after(words, float(random.uniform(0.2, 0.9 * seconds))):
             done += 1
         else:  # it came to its end: begin anew
             ended += 1
+            if words == job.first(killed):  # a busy machine may have become faster
+                seconds = min(seconds, time.monotonic() - start)
             shutil.rmtree(killed, ignore_errors=True)
             job.prepare(killed)
             words = job.first(killed)

@@ -1,10 +1,12 @@
-"""Small valid inputs of the planner's loaders: scenes, domains, plans, journals of experiments, robots and meshes."""
+"""Small valid inputs of the planner: scenes, domains, plans, journals of experiments, logs of runs, robots, meshes."""
 
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from seeds import shipped
@@ -65,6 +67,36 @@ def write_plan(folder: Path) -> None:
         residuals={"equality": 1e-9, "inequality": 0.0},
         solver={"status": "solved", "iterations": 3},
     ).save(folder)
+
+
+def logs() -> list[bytes]:
+    """The log of a run that stopped in the only action of the plan."""
+    from lgp.execution.checkpoint import Checkpoint
+    from lgp.execution.events import Event
+    from lgp.execution.log import RunLog
+    from lgp.execution.simulation import Placement
+
+    plan, world = plan_and_world()
+    box = {"box": Placement("human.right_hand", np.eye(3), np.zeros(3))}
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "run.mcap"
+        with RunLog(file, 1.7e9, {"plan": "lift", "seed": "0"}) as log:
+            log.json("/plan", 0.0, {"folder": ".", "digest": plan.digest})
+            log.json("/events", 0.0, Event(1, 0.0, 0, "running", "started", "Grasp.").record())
+            log.json("/state", 0.25, Checkpoint(1.7e9, 0.25, np.zeros(world.nq), frozenset(), box, 0, ".", 0).record())
+        return [file.read_bytes()]
+
+
+@cache
+def plan_and_world() -> tuple[Any, Any]:
+    """Return the plan of `write_plan` and its world."""
+    from lgp.kinematics.world import World
+    from lgp.plan_record import Plan
+
+    with TemporaryDirectory() as folder:
+        write_plan(Path(folder))
+        plan = Plan.load(folder)
+    return plan, World(plan.scene)
 
 
 def _of_plan(name: str) -> bytes:

@@ -167,6 +167,13 @@ def load_runs(path: Path) -> object:
     return RunStore(path.parent, {"seed": 0}).finish()
 
 
+def load_log(path: Path) -> object:
+    from lgp.execution.log_reader import interrupted_run
+
+    run = interrupted_run(path)
+    return run.check(*planner_seeds.plan_and_world(), simulated=True)
+
+
 TARGETS: dict[str, Target] = {
     target.name: target
     for target in (
@@ -199,6 +206,7 @@ TARGETS: dict[str, Target] = {
         Target("robot", "fuzz.urdf", planner_seeds.robots, mutate.mutate_text, load_robot),
         Target("dae", "fuzz.dae", planner_seeds.dae, mutate.mutate_text, load_mesh),
         Target("stl", "fuzz.stl", planner_seeds.stl, mutate.mutate_bytes, load_mesh),
+        Target("log", "run.mcap", planner_seeds.logs, mutate.mutate_mcap, load_log),
         Target("runs", "unfinished.jsonl", planner_seeds.runs, mutate.mutate_json_lines, load_runs),
     )
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import dataclass, field
@@ -95,6 +96,12 @@ class Plan:
         """Duration of each phase [s], (K,)."""
         ends = self.time[np.flatnonzero(np.diff(self.phase, append=len(self.actions)))]
         return tuple(np.diff(ends, prepend=0.0).tolist())
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of scene, actions and path, hexadecimal: what tells one plan from another."""
+        steps = {"scene": self.scene.values, "actions": self.actions, "joints": self.joints}
+        return hashlib.sha256(as_json({**steps, "time": self.time, "path": self.path}).encode()).hexdigest()
 
     def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
         """Return the true REBA scores of every slice, None without a plan or a human.

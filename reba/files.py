@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 
 from reba.errors import RebaError
+from reba.interrupts import held_back
 from reba.open_file import open_regular
 from reba.outputs import check_regular
 
@@ -108,7 +109,7 @@ def write_folder(
     Args:
         folder: created if missing; other files in it stay.
         write: writes the files, also in folders of its folder.
-        last: name of the file that is moved last, by which a reader recognises that the folder is complete.
+        last: name of the file by which a reader recognises that the folder is complete: removed first, moved last.
         stale: patterns of files of an earlier write, which are removed unless they were written again.
         error: class of the error.
 
@@ -128,8 +129,12 @@ def write_folder(
             check_regular(place / name, error)
             (place / name).parent.mkdir(parents=True, exist_ok=True)
             _put_on_disk(part / name)
-        for name in names:
-            (part / name).replace(place / name)
+        with held_back():
+            if len(names) > 1 and names[-1].as_posix() == last:
+                # Killed from here on, the folder has files of two writes and must not pass for complete.
+                (place / last).unlink(missing_ok=True)
+            for name in names:
+                (part / name).replace(place / name)
         for old in {file for pattern in stale for file in place.glob(pattern)} - {place / name for name in names}:
             old.unlink()
         _put_on_disk(place)

@@ -55,6 +55,13 @@ class TomlTable:
         """Return a number from low to high."""
         return self._number(key, self._value(key, default), low, high)
 
+    def whole(self, key: str, default: int | None = None, low: int = 0, high: int = int(LARGEST)) -> int:
+        """Return a whole number from low to high."""
+        value = self._number(key, self._value(key, default), low, high)
+        if value != int(value):
+            raise self.error(f"{self.where}: {key} is {value:g}, expected a whole number")
+        return int(value)
+
     def vector(
         self,
         key: str,

@@ -7,9 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from lgp.errors import LgpError
+from reba.toml_table import TomlTable
+
+STATES = ("waiting", "running", "done", "failed", "finished")
 INSTRUCTIONS = ("told", "started", "late", "retargeted", "slowed", "ended", "finished")
 """Kinds after which the page may show the instruction of the current action: the world is as the plan says, or that
 action is under way. After all others the reader has to wait."""
+LONGEST_RUN = 3.2e7
+"""[s] Longest run that is read: a year."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,25 @@ class Event:
     def record(self) -> dict[str, Any]:
         """Return all fields as plain data, as the log holds them."""
         return {**vars(self)}
+
+    @staticmethod
+    def read(data: Any) -> Event:
+        """Return the event of a record.
+
+        Raises:
+            LgpError: a field is missing or wrong.
+        """
+        table = TomlTable("an event", data, LgpError)
+        return Event(
+            number=table.whole("number"),
+            time=table.number("time", low=0.0, high=LONGEST_RUN),
+            action=None if table.values.get("action") is None else table.whole("action"),
+            state=table.text("state", choices=STATES),
+            kind=table.text("kind"),
+            text=table.text("text"),
+            details=dict(table.table("details").values),
+            plan=table.whole("plan"),
+        )
 
 
 class Hub:

@@ -5,7 +5,7 @@ Topics, times in seconds since the run began plus its first wall-clock time:
     /scene                    JSON  the scene it is for
     /events                   JSON  what happened (`Event`)
     /predicates               JSON  start or end predicates of the current action, whenever one changes
-    /state                    JSON  what a restart needs, see `log_reader.checkpoint`
+    /state                    JSON  what a restart needs, see `checkpoint.Checkpoint`
     /comparison               JSON  cost of retargeting against a new plan, see `session.retarget_cost`
     /ergonomics/posture       JSON  posture angles [deg] and carried load [kg] of the human; `reba score` reads them
     /human/joint_states       sensor_msgs/JointState, joints of human.urdf
@@ -17,8 +17,9 @@ Topics, times in seconds since the run began plus its first wall-clock time:
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -58,7 +59,7 @@ _TEXTS, _NUMBERS = {"type": "array", "items": _TEXT}, {"type": "array", "items":
 _COSTS = dict.fromkeys(("greedy", "anew", "extra", "share"), _NUMBER)
 _AT = {"number": _WHOLE, "time": _NUMBER, "action": _WHOLE}
 JSON_SCHEMAS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
-    "/plan": ("lgp.Plan", {"folder": _TEXT, "actions": _TEXTS, "columns": _TEXTS, "time": _NUMBERS}),
+    "/plan": ("lgp.Plan", {"folder": _TEXT, "digest": _TEXT, "actions": _TEXTS, "columns": _TEXTS, "time": _NUMBERS}),
     "/scene": ("lgp.Scene", {"name": _TEXT}),
     "/events": ("lgp.Event", {**_AT, "state": _TEXT, "kind": _TEXT, "text": _TEXT, "plan": _WHOLE}),
     "/predicates": ("lgp.Predicates", {"time": _NUMBER, "action": _WHOLE}),
@@ -89,7 +90,7 @@ class RunLog:
         from mcap.writer import CompressionType, Writer
 
         encoder(JOINT_STATE)  # a missing package is reported before the file is replaced
-        self.epoch = epoch
+        self.epoch, self.file = epoch, file
         try:
             self._stream: IO[bytes] = file.open("wb")
         except OSError as error:
@@ -129,17 +130,31 @@ class RunLog:
 
     def raw(self, channel: int, stamp: int, data: bytes) -> None:
         """Write one message."""
-        self._writer.add_message(channel, stamp, data, stamp)
+        with self._writing():
+            self._writer.add_message(channel, stamp, data, stamp)
 
     def flush(self) -> None:
         """Hand finished chunks to the operating system, so that they survive a crash of the process."""
-        self._stream.flush()
+        with self._writing():
+            self._stream.flush()
 
     def close(self) -> None:
         """Write the last chunk and the summary."""
-        if not self._stream.closed:
-            self._writer.finish()
-            self._stream.close()
+        if self._stream.closed:
+            return
+        with self._writing():
+            try:
+                self._writer.finish()
+            finally:
+                self._stream.close()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            why = error.strerror or error
+            raise LgpError(f"{self.file}: cannot be written ({why}); make room, then run with --resume") from error
 
     def _channel(self, topic: str, encoding: str, name: str, kind: str, text: str) -> int:
         if (topic, name) not in self._channels:
@@ -164,7 +179,8 @@ class Recorder:
     def plan(self, time: float, plan: Plan, folder: str) -> None:
         """Write the plan in force from now on, and its scene."""
         steps = {"actions": list(plan.actions), "columns": list(plan.joints), "costs": plan.costs}
-        self.log.json("/plan", time, {"folder": folder, **steps, "time": plan.time, "path": plan.path})
+        motion = {"time": plan.time, "path": plan.path, "digest": plan.digest}
+        self.log.json("/plan", time, {"folder": folder, **steps, **motion})
         self.log.json("/scene", time, {"name": plan.scene.name, "values": plan.scene.values})
 
     def event(self, event: Event) -> None:

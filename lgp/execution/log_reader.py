@@ -5,22 +5,22 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any, Final
-
-import numpy as np
+from typing import IO, Final
 
 from lgp.errors import LgpError
-from lgp.execution.events import Event
+from lgp.execution.checkpoint import Checkpoint
+from lgp.execution.events import LONGEST_RUN, Event
 from lgp.execution.log import RunLog
-from lgp.execution.simulation import Placement
-from reba.arrays import Array
+from lgp.kinematics.world import World
+from lgp.plan_record import Plan
 from reba.files import lock_exclusively
 from reba.open_file import open_regular
 from reba.provenance import generator
 from reba.readers.mcap.container import Container
+from reba.toml_table import TomlTable
 
 LOCK: Final = "_lock"
 """File of the folder of a plan that is locked while a run writes there."""
@@ -45,6 +45,7 @@ class LoggedRun:
 
     Attributes:
         epoch: wall-clock time at which the run began [s].
+        digest: of the plan in force, see `Plan.digest`.
         state: the last checkpoint.
         last: time of the last message [s since the run began].
         writer: program and version that wrote the log.
@@ -52,10 +53,29 @@ class LoggedRun:
 
     epoch: float
     events: tuple[Event, ...]
-    state: dict[str, Any]
+    digest: str
+    state: Checkpoint
     last: float
     file: Path
     writer: str
+
+    def check(self, plan: Plan, world: World, simulated: bool) -> None:
+        """Check that the run is one of a plan, which is in the folder of its log, in a simulated or a recorded world.
+
+        Raises:
+            LgpError: the plan in force was another one, or the last checkpoint is none of it or of the other world.
+        """
+        if self.digest != plan.digest:
+            raise LgpError(f"{self.file}: the run of another plan; run without --resume to start with the one there")
+        if plan.scene.objects and bool(self.state.objects) != simulated:
+            how = "with --replay FILE" if simulated else "without --replay"
+            raise LgpError(f"{self.file}: the run was {how}; resume it the same way")
+        try:
+            if not 0.0 <= self.last <= LONGEST_RUN:
+                raise LgpError(f"its last message is {self.last:g} s after the run began")
+            self.state.check(world, len(plan.actions))
+        except LgpError as error:
+            raise damaged(self.file, error) from error
 
     def copy_into(self, log: RunLog) -> None:
         """Write all messages into a new log."""
@@ -75,7 +95,14 @@ def messages(file: Path) -> Iterator[LoggedMessage]:
     Raises:
         ReadError: the file is no MCAP log.
     """
-    container = Container(file, check_crc=True, limit_bytes=LIMIT)
+    yield from _messages(_container(file))
+
+
+def _container(file: Path) -> Container:
+    return Container(file, check_crc=True, limit_bytes=LIMIT)
+
+
+def _messages(container: Container) -> Iterator[LoggedMessage]:
     for chunk in container.segments:
         loaded = container.load(chunk)
         scan = loaded.scan
@@ -95,66 +122,39 @@ def read_logged_run(file: Path) -> LoggedRun | None:
     """Return the logged part of a run, None if the log ends before its first checkpoint.
 
     Raises:
+        LgpError: an event or a checkpoint is not what a run writes.
         ReadError: the file is no MCAP log.
     """
     events: list[Event] = []
-    state: dict[str, Any] | None = None
+    digests: dict[str, str] = {}  # folder -> digest of its plan
+    state: Checkpoint | None = None
     last = 0
-    for message in messages(file):
+    container = _container(file)
+    for message in _messages(container):
         last = max(last, message.stamp)
-        if message.topic == "/events":
-            events.append(Event(**{"action": None, **json.loads(message.data)}))
-        elif message.topic == "/state":
-            state = json.loads(message.data)
+        try:
+            if message.topic == "/events":
+                events.append(Event.read(json.loads(message.data)))
+            elif message.topic == "/state":
+                state = Checkpoint.read(json.loads(message.data))
+            elif message.topic == "/plan":
+                table = TomlTable("the plan", json.loads(message.data))
+                digests[table.text("folder")] = table.text("digest")
+        except (ValueError, RecursionError) as error:
+            raise damaged(file, error) from error
     if state is None:
         return None
-    return LoggedRun(state["epoch"], tuple(events), state, last / 1e9 - state["epoch"], file, _writer(file))
+    digest, (_, writer) = digests.get(state.folder, ""), container.header()
+    return LoggedRun(state.epoch, tuple(events), digest, state, last / 1e9 - state.epoch, file, writer)
 
 
-def _writer(file: Path) -> str:
-    """Return the program that wrote a log, from its header."""
-    from mcap.records import Header
-    from mcap.stream_reader import StreamReader
-
-    with open_regular(file) as stream:
-        header = next(StreamReader(stream).records)
-    return header.library if isinstance(header, Header) else ""
+def damaged(file: Path, why: Exception) -> LgpError:
+    """Return the error of a log that holds something else than a run writes."""
+    return LgpError(f"{file}: is damaged ({why}); run without --resume to start again")
 
 
 INTERRUPTED = ".interrupted"
 """Suffix of the name of an interrupted log while its messages are copied into the new one."""
-
-
-def checkpoint(
-    epoch: float, time: float, q: Array, closed: Iterable[str], objects: Mapping[str, Placement]
-) -> dict[str, Any]:
-    """Return what a restart needs of the world as plain data.
-
-    Args:
-        epoch: wall-clock time at which the run began [s].
-        time: since then [s].
-        q: (nq,) configuration of human and robots [rad, m].
-        closed: hands whose grippers are closed.
-        objects: true placements in a simulated world.
-    """
-    return {
-        "epoch": epoch,
-        "time": time,
-        "q": q.tolist(),
-        "closed": sorted(closed),
-        "things": {
-            name: {"hand": at.hand, "rotation": at.rotation.tolist(), "position": at.position.tolist()}
-            for name, at in objects.items()
-        },
-    }
-
-
-def placements(state: Mapping[str, Any]) -> dict[str, Placement]:
-    """Return the placements of objects in a checkpoint."""
-    return {
-        name: Placement(at["hand"], np.array(at["rotation"]), np.array(at["position"]))
-        for name, at in state["things"].items()
-    }
 
 
 def interrupted_run(file: Path) -> LoggedRun:
@@ -172,7 +172,8 @@ def interrupted_run(file: Path) -> LoggedRun:
     if run.over:
         raise LgpError(f"{file}: the run has ended; run without --resume to start again")
     if run.writer != generator():
-        raise LgpError(f"{file}: written by {run.writer}, this is {generator()}; run without --resume to start again")
+        writer = run.writer or "an unknown program"
+        raise LgpError(f"{file}: written by {writer}, this is {generator()}; run without --resume to start again")
     return run
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from lgp.errors import LgpError
 from lgp.execution.events import Event, Hub
 from lgp.execution.session import ExecutionRun, RunOptions
-from lgp.page.page import write_page
+from lgp.page.page import is_page_of, write_page
 from lgp.plan_record import Plan
 from reba.extras import missing
 from reba.loopback import WAIT_SECONDS, Guard, bounded_connection
@@ -281,8 +281,8 @@ def run_live(
 
 
 def _page(plan: Plan, where: Path) -> Path:
-    """Return the folder of the page of a plan; the page is written if it does not exist."""
+    """Return the folder of the page of a plan; the page is written if it does not exist or is that of another plan."""
     folder = where / PAGE
-    if not (folder / "index.html").is_file():
+    if not is_page_of(plan, folder):
         write_page(plan, folder, pictures=False)
     return folder

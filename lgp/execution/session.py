@@ -15,12 +15,13 @@ import numpy as np
 
 from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError
+from lgp.execution.checkpoint import Checkpoint
 from lgp.execution.events import Event, Hub
 from lgp.execution.executive import Executive, RetargetedAction, Settings
 from lgp.execution.faults import Fault, Faults
 from lgp.execution.fixed_path import FixedPathBounds, holding_hands
 from lgp.execution.log import Recorder, RunLog
-from lgp.execution.log_reader import LoggedRun, checkpoint, claim, interrupted_run, placements
+from lgp.execution.log_reader import LoggedRun, claim, interrupted_run
 from lgp.execution.predicates import closed_grippers
 from lgp.execution.replay import Replay
 from lgp.execution.retarget import ActionMotion, Planner, load_plan
@@ -96,7 +97,7 @@ class ExecutionRun:
         self.events = [] if past is None else list(past.events)
         self.hub = Hub([event for event in self.events if event.kind != "fault"])
         self._rng = np.random.default_rng([self.run.seed, len(self.events)])
-        self.where = folder if past is None else folder / past.state["folder"]
+        self.where = folder if past is None else folder / past.state.folder
         self.planner = Planner(load_plan(self.where), self.run.cost)
         self._build(past)
         self._past = past
@@ -148,11 +149,14 @@ class ExecutionRun:
     def _build(self, past: LoggedRun | None) -> None:
         """Build world, tracker and executive, in the initial state or in that of an interrupted run."""
         world, run = self.planner.motion.world, self.run
-        state = {} if past is None else past.state
-        q = np.array(state["q"]) if state else self.planner.motion.path[0]
+        state = None
+        if past is not None:
+            past.check(self.planner.plan, world, simulated=run.replay is None)
+            state = past.state
+        q = self.planner.motion.path[0] if state is None else state.q
         self._time = 0.0 if past is None else past.last
-        first = closed_grippers(world.scene, self.planner.nominal(0))
-        self.robots = SimulatedRobots(world, q, frozenset(state.get("closed", first)))
+        closed = closed_grippers(world.scene, self.planner.nominal(0)) if state is None else state.closed
+        self.robots = SimulatedRobots(world, q, closed)
         self.view = TrackedWorld(world)
         rngs = self._rng.spawn(3)
         self.simulation: SimulatedWorld | None = None
@@ -167,7 +171,7 @@ class ExecutionRun:
                 )
             self.source: ObservationSource = Replay(run.replay, world, self.robots)
         else:
-            self.simulation = SimulatedWorld(world, self.robots, q, placements(state) if state else None)
+            self.simulation = SimulatedWorld(world, self.robots, q, state.objects if state else None)
             tracker = SimulatedTracker(self.simulation, rngs[0], run.noise)
             self.source = tracker
             if world.scene.human is not None:
@@ -177,10 +181,10 @@ class ExecutionRun:
             self.faults = Faults(faults, self.simulation, tracker, self.worker, rngs[2])
             if past is None:
                 self._scatter(rngs[2])
-        number = int(state.get("number", 0))
+        number = 0 if state is None else state.number
         self.executive = Executive(self.planner, self.view, self.robots, self._on_executive_event, run.settings, number)
-        if state:
-            self.executive.replans = int(state["replans"])
+        if state is not None:
+            self.executive.replans = state.replans
             self.executive.resume()
 
     def _open(self, past: LoggedRun | None) -> None:
@@ -256,9 +260,17 @@ class ExecutionRun:
         executive, robots = self.executive, self.robots
         q = self.source.observe().q if self.simulation is None else self.simulation.q
         objects = {} if self.simulation is None else self.simulation.objects
-        state = checkpoint(self.log.epoch, self._time, q, robots.closed, objects)
-        state |= {"number": executive.number, "folder": self._relative(), "replans": executive.replans}
-        self.log.json("/state", self._time, state)
+        state = Checkpoint(
+            epoch=self.log.epoch,
+            time=self._time,
+            q=q,
+            closed=frozenset(robots.closed),
+            objects=objects,
+            number=executive.number,
+            folder=self._relative(),
+            replans=executive.replans,
+        )
+        self.log.json("/state", self._time, state.record())
         self.log.flush()
 
     def _scatter(self, rng: np.random.Generator) -> None:

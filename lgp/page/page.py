@@ -28,6 +28,7 @@ from reba.checks import PATH, YES_NO, accepts, instance
 from reba.extras import missing
 from reba.files import write_folder, write_text
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF
+from reba.open_file import read_settings
 from reba.outputs import FolderOutput, check_outputs
 from reba.report.labels import LEVEL_COLOURS, TEXT_ON
 from reba.report.page import read, template
@@ -85,6 +86,14 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
     return Path(folder) / PAGE
 
 
+def is_page_of(plan: Plan, folder: str | Path) -> bool:
+    """Return whether the page in a folder is one of this plan, and not of one that was there before."""
+    try:
+        return f'<meta name="plan" content="{plan.digest}">' in read_settings(Path(folder) / PAGE)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
 def _script(data: dict[str, Any]) -> str:
     """Return data as a script: pages opened from a file may not read data files."""
     return f"window.PLAN = {json.dumps(data, separators=(',', ':'), allow_nan=False)};\n"
@@ -123,6 +132,7 @@ def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str)
         reba=plan.summary()["reba"],
         seconds=total,
         scripts=SCRIPTS,
+        plan=plan.digest,
         # A new address of the data, so that browsers do not reuse cached data of another plan.
         digest=hashlib.sha256(data.encode()).hexdigest()[:12],
         assets=ASSETS,

@@ -94,7 +94,7 @@ def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> S
 def _slices(entries: TomlTable) -> int:
     """Return the slices of a phase; by default as many as slices of 0.2 s need."""
     seconds = entries.number("phase_seconds", PHASE_SECONDS)
-    slices = int(entries.number("slices", max(2, math.ceil(seconds / USUAL_SLICE)), low=2, high=3000))
+    slices = entries.whole("slices", max(2, math.ceil(seconds / USUAL_SLICE)), low=2, high=3000)
     if seconds / slices > LONGEST_SLICE * (1.0 + 1e-9):
         raise SceneError(
             f"{entries.where}: {slices} slices of {seconds / slices:.3g} s each, expected {LONGEST_SLICE:g} s or less; "
@@ -161,7 +161,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
             _assembly(number, entry, name, objects) for number, entry in enumerate(_list(entries, "joints"))
         ),
         cost=_cost(entries.table("cost")) if entries.has("cost") else SceneCost(),
-        depth=int(entries.number("depth", 4, low=1, high=40)),
+        depth=entries.whole("depth", 4, low=1, high=40),
         hand_clearance=entries.number("hand_clearance", HAND_CLEARANCE, low=0.0, high=1.0),
         durations=entries.text("durations", "fixed", ("fixed", "stretched", "free")),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),

@@ -45,7 +45,7 @@ class McapCopy:
 
     def __init__(self, files: Sequence[Container]) -> None:
         self._files = files
-        headers = [_header(file) for file in files]
+        headers = [file.header() for file in files]
         profiles = {profile for profile, _ in headers}
         self.profile = profiles.pop() if len(profiles) == 1 else ""
         libraries = dict.fromkeys(library for _, library in headers if library)
@@ -152,18 +152,6 @@ def free_id(taken: Mapping[int, Any]) -> int:
         if number not in taken and number <= MOST_IDS:
             return number
     raise RebaError(f"the recording defines {MOST_IDS} topics, as many as an MCAP file can; {NO_COPY} for its scores")
-
-
-def _header(file: Container) -> tuple[str, str]:
-    """Return profile and library of a file, empty where its header is damaged."""
-    for opcode, at, length in file.others:
-        if opcode == Opcode.HEADER:
-            fields = Fields(file.source.read_at(at, min(length, STEP)))
-            try:
-                return fields.text(), fields.text()
-            except BadRecord:
-                break
-    return "", ""
 
 
 def _copy_other(file: McapFile, source: ByteSource, at: int, opcode: int, length: int) -> None:

@@ -147,6 +147,7 @@ def test_fit_on_a_recording_weighs_classes_evenly(run: Run, tmp_path: Path) -> N
     assert errors["1"]["bias"] < dreba.evaluate(plain, uneven).classes[1].bias - 0.1
 
 
+@pytest.mark.slow
 def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
     code, out, err = run("compare", model, "-n", 500, "--tasks", 0, "--json")
     assert (code, err) == (0, "")

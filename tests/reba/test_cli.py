@@ -118,6 +118,7 @@ def test_one_bad_file_does_not_stop_the_others(run: Run, tmp_path: Path) -> None
     assert "failed: " in out
 
 
+@pytest.mark.slow
 def test_parallel_scoring_gives_the_same(run: Run, tmp_path: Path) -> None:
     for name in ("a.csv", "b.csv"):
         (tmp_path / name).write_text(Path(ASSEMBLY).read_text())
@@ -266,6 +267,7 @@ def test_closed_pipe_is_quiet() -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_installed_commands_answer() -> None:
     for module in ("dreba", "lgp"):
         code = f"import sys; from {module}.cli import main; sys.argv = ['{module}', '--help']; main()"

@@ -96,6 +96,7 @@ def test_a_pipe_does_not_hang(tmp_path: Path) -> None:
     says(error, tmp_path, "no recording", "reba info FILE")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 @pytest.mark.parametrize("words", [[], ["--json"]])
 def test_a_full_disk_is_one_line(table: Path, words: list[str]) -> None:
@@ -104,6 +105,7 @@ def test_a_full_disk_is_one_line(table: Path, words: list[str]) -> None:
     says(done.stderr, "No space left")
 
 
+@pytest.mark.slow
 def test_a_closed_output_pipe_is_no_error(table: Path) -> None:
     done = start(["info", table], '| head -1 >/dev/null; exit "${PIPESTATUS[0]}"')
     assert (done.returncode, done.stderr) == (0, "")

@@ -152,6 +152,28 @@ def test_the_last_file_of_a_folder_comes_last(tmp_path: Path, monkeypatch: pytes
     assert order == ["a", "z", "index"]
 
 
+def test_a_folder_with_files_of_two_writes_does_not_pass_for_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_folder(tmp_path, plan_of("old", "path", "plan.json", "postures"), last="plan.json")
+    replace = Path.replace
+
+    def killed(self: Path, target: Path) -> Path:
+        if target.name == "postures":
+            raise SystemExit(137)
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", killed)
+    with pytest.raises(SystemExit):
+        write_folder(tmp_path, plan_of("new", "path", "plan.json", "postures"), last="plan.json")
+    assert content(tmp_path) == {"path": "new", "postures": "old"}
+    monkeypatch.undo()
+    write_folder(tmp_path, plan_of("new", "path", "plan.json", "postures"), last="plan.json")
+    write_folder(tmp_path, plan_of("newer", "plan.json"), last="plan.json")
+    write_folder(tmp_path, plan_of("newer", "a", "b"), last="plan.json")
+    assert content(tmp_path)["plan.json"] == "newer"
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no limit of file sizes here")
 def test_a_full_disk_keeps_the_former_file(tmp_path: Path) -> None:
     import resource

@@ -61,6 +61,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [folder / name for name in (*shipped, *bodies)]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_recordings_are_scored_and_reported_as_elsewhere(recordings: list[Path]) -> None:
     command = [sys.executable, "-W", "ignore", "-c", SCORE, *map(str, recordings)]

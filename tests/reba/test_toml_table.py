@@ -22,6 +22,8 @@ def table() -> TomlTable:
 def test_values_of_the_right_kind_are_read(table: TomlTable) -> None:
     assert table.number("a", low=0) == 3.0
     assert table.number("z", 1.0) == 1.0
+    assert table.whole("a") == 3
+    assert table.whole("z", 4) == 4
     assert table.text("b", choices=("text", "")) == "text"
     assert table.vector("c", 2) == (1.0, 2.0)
     assert table.flag("d") is True
@@ -38,6 +40,10 @@ def test_values_of_the_right_kind_are_read(table: TomlTable) -> None:
     ("read", "facts"),
     [
         (lambda table: table.number("b"), ("b is 'text'", "finite number")),
+        (lambda table: table.table("e").whole("f"), ("f is 1.5", "whole number")),
+        (lambda table: table.whole("a", high=2), ("a is 3", "0 to 2")),
+        (lambda table: table.whole("d"), ("d is True", "finite number")),
+        (lambda table: table.whole("i"), ("i is", "finite number")),
         (lambda table: table.number("d"), ("d is True", "finite number")),
         (lambda table: table.number("i"), ("finite number",)),
         (lambda table: table.number("a", low=4), ("a is 3", "4 to 1e+06")),

@@ -91,6 +91,17 @@ class Container:
         self._records = self._chunks = self._unpacked = 0
         self._index()
 
+    def header(self) -> tuple[str, str]:
+        """Return profile and library, the program that wrote the file; empty where the header is damaged."""
+        for opcode, at, length in self.others:
+            if opcode == Opcode.HEADER:
+                fields = records.Fields(self.source.read_at(at, min(length, _WINDOW)))
+                try:
+                    return fields.text(), fields.text()
+                except BadRecord:
+                    break
+        return "", ""
+
     def load(self, segment: ChunkRef) -> Loaded:
         """Return the records of a segment, checked; the last segment stays loaded.
 

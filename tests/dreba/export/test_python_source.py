@@ -41,11 +41,14 @@ def torch_function(path: Path, poses: np.ndarray, **given: object) -> tuple[np.n
 def jax_function(path: Path, poses: np.ndarray, **given: object) -> tuple[np.ndarray, np.ndarray]:
     jax = pytest.importorskip("jax", reason="JAX is not installed")
     jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_disable_most_optimizations", True)  # the results are the same and compiled sooner
     function = imported(path).dreba
     value, pull = jax.vjp(lambda angles: function(angles, **given), poses)
     return np.asarray(value), np.asarray(pull(jax.numpy.ones_like(value))[0])
 
 
+LONG = {"soft", "graduated"}
+"""Models whose source is long."""
 LIBRARIES = {"torch": torch_function, "jax": jax_function}
 
 
@@ -55,8 +58,15 @@ def values(library: str, path: Path, poses: np.ndarray, **given: object) -> np.n
     return np.asarray(imported(path).dreba(angles, **given))
 
 
-@pytest.mark.parametrize("library", LIBRARIES)
-@pytest.mark.parametrize(("name", "temperature"), CASES)
+# JAX compiles every operation of every shape: the longest source takes 9 s.
+@pytest.mark.parametrize(
+    ("library", "name", "temperature"),
+    [
+        pytest.param(library, *case, marks=pytest.mark.slow if library == "jax" and case[0] in LONG else ())
+        for library in LIBRARIES
+        for case in CASES
+    ],
+)
 def test_value_and_derivative_are_those_of_the_model(
     library: str, name: str, temperature: float | None, tmp_path: Path
 ) -> None:
@@ -88,7 +98,7 @@ def test_what_python_refuses_is_not_a_number(library: str, name: str, tmp_path: 
         assert np.isnan(values(library, path, poses, **given)).all(), given
 
 
-@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("library", ["torch", pytest.param("jax", marks=pytest.mark.slow)])
 def test_the_joints_of_a_map_are_taken(library: str, tmp_path: Path) -> None:
     pytest.importorskip(library, reason=f"{library} is not installed")
     own = read_map(HUMAN, COLUMNS)

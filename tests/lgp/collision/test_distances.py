@@ -54,6 +54,7 @@ def test_distance_goes_below_zero_by_the_depth() -> None:
     assert np.diff(depths).max() < 0
 
 
+@pytest.mark.slow
 @needs_robots
 def test_derivatives_by_differences_objects_and_variables_included() -> None:
     world = screwdriver_world()

@@ -7,12 +7,16 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import lgp
 import reba
+from lgp.execution.log import RunLog
 from lgp.execution.log_reader import INTERRUPTED, messages, read_logged_run
 from tests.support.execution_plans import kinds, saved, small_plan, went
 from tests.support.lgp_worlds import needs_robots
@@ -93,6 +97,46 @@ def test_a_log_of_another_version_is_not_continued(folder: Path, monkeypatch: py
     with pytest.raises(lgp.LgpError) as error:
         went(folder, resume=True)
     says(error, folder / "run.mcap", f"dreba {reba.__version__}", "dreba 9.9.9", "without --resume")
+    assert (folder / "run.mcap").read_bytes() == before
+
+
+def rewrite_state(log: Path, **changes: Any) -> None:
+    """Change members of every checkpoint of a log."""
+    kept = list(messages(log))
+    with RunLog(log, 0.0, {}) as new:
+        for one in kept:
+            data = json.dumps({**json.loads(one.data), **changes}).encode() if one.topic == "/state" else one.data
+            new.copy(one.topic, one.encoding, one.schema, one.stamp, data)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"q": [0.0]}, ["q has 1 numbers"]),
+        ({"number": 7}, ["action 8", "3"]),
+        ({"closed": ["baxter.tail"]}, ["baxter.tail", "hand"]),
+        ({"things": {"spoon": {"hand": "", "rotation": np.eye(3).tolist(), "position": [0, 0, 0]}}}, ["objects"]),
+        ({"things": {}}, ["--replay", "the same way"]),
+        ({"folder": "replans/1"}, ["replans/1"]),
+    ],
+)
+def test_a_checkpoint_of_another_scene(folder: Path, changes: dict[str, Any], words: list[str]) -> None:
+    rewrite_state(folder / "run.mcap", **changes)
+    before = (folder / "run.mcap").read_bytes()
+    with pytest.raises(lgp.LgpError) as error:
+        went(folder, resume=True)
+    says(error, str(folder), *words)
+    assert (folder / "run.mcap").read_bytes() == before
+
+
+def test_the_run_of_another_plan_is_not_continued(folder: Path) -> None:
+    """The plan may have been made again meanwhile: the actions of the run would be taken for those of the new one."""
+    plan = lgp.Plan.load(folder)
+    replace(plan, path=plan.path + 1e-9).save(folder)
+    before = (folder / "run.mcap").read_bytes()
+    with pytest.raises(lgp.LgpError) as error:
+        went(folder, resume=True)
+    says(error, folder / "run.mcap", "another plan", "without --resume")
     assert (folder / "run.mcap").read_bytes() == before
 
 

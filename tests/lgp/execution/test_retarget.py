@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 
 import lgp
 from lgp.collision.contacts import Clock, declared_contacts, required_distances
@@ -57,6 +58,7 @@ def view_before(number: int, handle_off: float = 0.0) -> TrackedWorld:
     return view
 
 
+@pytest.mark.slow
 def test_a_part_is_placed_beside_its_counterpart_wherever_that_stands() -> None:
     planner, places = toolbox(), GIVES + 1
     assert planner.deviations(places, view_before(places)) == []

@@ -35,6 +35,7 @@ def test_every_variant_is_planned_and_compared_before_its_sweeps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[tuple[str, str, str, int]] = []
+    summaries = {"screwdriver": summarise(*made("rest", "random")), "toolbox": toolbox_summary()}
 
     def planned(folder: Path, *, initial: str = "", sensitivity: int = 0, **options: Any) -> None:
         kind = folder.parent.name
@@ -42,8 +43,7 @@ def test_every_variant_is_planned_and_compared_before_its_sweeps(
         folder.mkdir(parents=True, exist_ok=True)
         if sensitivity:
             assert (tmp_path / "report.html").is_file()
-        summary = summarise(*made("rest", "random")) if kind == "screwdriver" else toolbox_summary()
-        write_summary(folder / "summary.json", summary)
+        write_summary(folder / "summary.json", summaries[kind])
 
     for name in ("experiment_screwdriver", "experiment_toolbox"):
         monkeypatch.setattr(all_experiments, name, planned)

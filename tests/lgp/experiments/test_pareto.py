@@ -58,6 +58,7 @@ def test_points_are_means_of_runs_that_every_weight_has_and_dominated_ones_are_m
     assert [one["on_front"] for one in points] == [True, True, False]
 
 
+@pytest.mark.slow
 def test_fronts_are_planned_once_and_drawn_on_the_page(tmp_path: Path) -> None:
     planned: list[list[int]] = []
 

@@ -49,6 +49,7 @@ def test_sweeps_leave_out_what_the_scene_has_already() -> None:
     assert max(weights.values()) / min(weights.values()) > 1000
 
 
+@pytest.mark.slow
 def test_a_start_table_in_reach_is_remarked_and_taken_from() -> None:
     from lgp.kinematics.world import World
 
@@ -77,6 +78,7 @@ def made(run: int, table: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
     return runs[list(RUN_COLUMNS)].astype(RUN_COLUMNS), empty(PATH_COLUMNS)
 
 
+@pytest.mark.slow
 def test_rows_are_shares_of_feasible_runs_and_made_once(tmp_path: Path) -> None:
     planned: list[tuple[float, list[int]]] = []
     chosen = {0: "left", 1: "center", 2: None, 3: "start"}

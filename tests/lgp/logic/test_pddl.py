@@ -52,6 +52,7 @@ def test_bad_domains_say_where(old: str, new: str, facts: tuple[str, ...]) -> No
     says(error, *facts)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.data())
 def test_cut_or_changed_domains_never_leak_other_errors(data: st.DataObject) -> None:

@@ -10,7 +10,9 @@ import pytest
 
 import lgp
 from lgp.errors import LgpError
-from lgp.page.page import check_packages, score_spans, write_page
+from lgp.execution.server import Address, run_live
+from lgp.execution.session import RunOptions
+from lgp.page.page import check_packages, is_page_of, score_spans, write_page
 from lgp.scene.scene_file import read_scene
 from reba.extras import MissingPackageError
 from tests.support.lgp_worlds import HUMAN_ONLY
@@ -56,6 +58,25 @@ def test_the_same_plan_gives_the_same_files(plan: lgp.Plan, page: Path, tmp_path
     assert sum(map(len, files.values())) < 10e6
     names = {str(name) for name in files}
     assert {"index.html", "pictures/start.webp", "pictures/action-1.webp", "pictures/action-1-film.webp"} <= names
+
+
+@needs_page
+def test_a_page_is_of_one_plan(plan: lgp.Plan, page: Path, tmp_path: Path) -> None:
+    plan.save(tmp_path)
+    assert is_page_of(plan, page)
+    assert is_page_of(lgp.Plan.load(tmp_path), page)
+    assert not is_page_of(replace(plan, path=plan.path + 1e-12), page)
+    assert not is_page_of(replace(plan, actions=("wait(1)",)), page)
+    assert not is_page_of(plan, tmp_path)
+
+
+@needs_page
+def test_a_run_never_shows_the_page_of_a_former_plan(plan: lgp.Plan, tmp_path: Path) -> None:
+    pytest.importorskip("uvicorn", reason="uvicorn is not installed")
+    write_page(replace(plan, path=plan.path + 1e-12), tmp_path / "page", pictures=False)
+    plan.save(tmp_path)
+    run_live(tmp_path, RunOptions(speed=0.0, compare=False), address=Address(port=0))
+    assert is_page_of(plan, tmp_path / "page")
 
 
 @needs_page

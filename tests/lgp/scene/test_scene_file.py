@@ -81,6 +81,8 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
     [
         ("human.statur", 1.7, ("human: unknown key 'statur'", "did you mean 'stature'")),
         ("humans", {}, ("unknown key 'humans'", "did you mean 'human'")),
+        ("slices", 2.5, ("slices is 2.5", "whole number")),
+        ("depth", 2.5, ("depth is 2.5", "whole number")),
         ("human.stature", "tall", ("stature is 'tall'", "expected a finite number")),
         ("human.stature", float("nan"), ("stature is nan", "expected a finite number")),
         ("human.stature", 0.5, ("stature is 0.5", "expected 1.4 to 2.1")),

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
 
 from lgp.errors import LgpError
@@ -167,6 +168,8 @@ def test_signed_ranks_with_ties_are_those_of_all_signs(values):
 
 def test_holm_steps_down_and_leaves_out_what_was_not_tested():
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    drawn = np.random.default_rng(0).uniform(0.0, 0.2, 30)
+    assert holm(drawn) == pytest.approx(multipletests(drawn, method="holm")[1])
     kept = holm([0.02, float("nan"), 0.5])
     assert kept[0] == pytest.approx(0.04)
     assert np.isnan(kept[1])

@@ -20,7 +20,7 @@ from tests.support.mcap_builder import EPOCH_NS, STEP_NS
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
-ANY = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+ANY = settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def joints(path: Path) -> Path:
@@ -94,8 +94,8 @@ def test_an_interval_is_the_complete_table_cut(
 @given(seconds=st.floats(0.3, 40))
 def test_blocks_are_the_table_and_their_scores_its_scores(recording: tuple[Path, Any, Any], seconds: float) -> None:
     path, whole, scores = recording
-    # At most a hundred blocks: of many more each is like those.
-    seconds = max(seconds, float(whole.data["time"].iloc[-1]) / 100)
+    # At most forty blocks: of many more each is like those.
+    seconds = max(seconds, float(whole.data["time"].iloc[-1]) / 40)
     blocks = list(reba.read_blocks(path, seconds=seconds, neutral="first:2s"))
     pd.testing.assert_frame_equal(pd.concat([block.data for block in blocks], ignore_index=True), whole.data)
     scored = pd.concat([reba.score(block).data for block in blocks], ignore_index=True)

@@ -553,6 +553,7 @@ def test_recordings_that_failed_are_listed_without_their_folders() -> None:
     assert "Not scored" not in render(scores)
 
 
+@pytest.mark.slow
 def test_a_report_of_many_recordings_grows_little_with_each() -> None:
     rng = np.random.default_rng(0)
     columns = (

@@ -53,6 +53,7 @@ def _read(path: Path, *, strict: bool) -> tuple[np.ndarray, list[str]]:
     return np.concatenate(values) if values else np.empty((0, len(make.NAMES))), told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunked", [True, False])
 def test_a_flipped_bit_of_an_opcode_never_loses_messages_silently(tmp_path: Path, chunked: bool) -> None:
     data = make.build(_plan(chunked=chunked))

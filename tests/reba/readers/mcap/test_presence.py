@@ -43,6 +43,7 @@ def _two_topics(path: Path, rows: list[Row]) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("person", [1, 2])
 def test_a_person_behind_names_that_stand_once_is_read(tmp_path: Path, person: int) -> None:
     before = MOST_NAMES // 2 + 200

@@ -357,6 +357,7 @@ def test_other_topics_are_listed_with_the_reason(tmp_path: Path) -> None:
     assert "no joint states" in opened.topics[1].why
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
     code = """
