@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.posture.columns import COLUMNS, INDEX, SIDES
 
 CONE = 30.0
@@ -33,12 +33,14 @@ class SegmentFrames:
         axes: segment -> (n, 3) long axis, pointing to the nearer joint; for segments whose full frame is unknown.
             For a clavicle: from the neck to the shoulder.
         columns: columns of the posture table that the source measures directly [deg].
+        gaps: column -> (n,) frames in which it has no value, whatever the frames say.
         up: (3,) vertical in the reference, or None where only the pelvis is a reference.
     """
 
     frames: dict[str, Array] = field(default_factory=dict)
     axes: dict[str, Array] = field(default_factory=dict)
     columns: dict[str, Array] = field(default_factory=dict)
+    gaps: dict[str, Flags] = field(default_factory=dict)
     up: Array | None = None
 
     def axis(self, segment: str) -> Array | None:
@@ -71,6 +73,8 @@ def posture_angles(body: SegmentFrames, n: int) -> Array:
     columns.update(body.columns)
     for column, values in columns.items():
         angles[:, INDEX[column]] = values
+    for column, gap in body.gaps.items():
+        angles[gap, INDEX[column]] = np.nan
     return angles
 
 
