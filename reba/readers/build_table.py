@@ -143,7 +143,8 @@ def read_match(
     offsets, note = neutral_posture(time, partial(_chosen, frames), neutral)
     if offsets:
         frames.change(lambda rows: subtract(rows[:, 1:], offsets))
-    warnings = [*mapper.warnings, *_column_warnings(_statistics(frames))]
+    seen = _statistics(frames) if offsets else seen.turned(corrections.turned).without(corrections.hidden)
+    warnings = [*mapper.warnings, *_column_warnings(seen)]
     assumed = [text for text in (match.note, *mapper.assumed, note) if text]
     whole = PostureTable(
         data=pd.DataFrame(columns=["time", *COLUMNS]),
