@@ -77,7 +77,8 @@ class MessageRows:
         self._count = len(starts)
         steps = starts[1:] - starts[:-1]
         even = len(steps) > 0 and bool((steps == steps[0]).all())
-        self._first, self._step = (int(starts[0]), int(steps[0])) if even else (0, None)
+        self._first = int(starts[0]) if even else 0
+        self._step = int(steps[0]) if even else None
 
     def __len__(self) -> int:
         return self._count
