@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reba.arrays import Array
+from reba.arrays import Array, Flags
 from reba.posture.columns import COLUMNS, INDEX, SIDES
 
 CONE = 30.0
@@ -33,12 +33,14 @@ class SegmentFrames:
         axes: segment -> (n, 3) long axis, pointing to the nearer joint; for segments whose full frame is unknown.
             For a clavicle: from the neck to the shoulder.
         columns: columns of the posture table that the source measures directly [deg].
+        gaps: column -> (n,) frames in which it has no value, whatever the frames say.
         up: (3,) vertical in the reference, or None where only the pelvis is a reference.
     """
 
     frames: dict[str, Array] = field(default_factory=dict)
     axes: dict[str, Array] = field(default_factory=dict)
     columns: dict[str, Array] = field(default_factory=dict)
+    gaps: dict[str, Flags] = field(default_factory=dict)
     up: Array | None = None
 
     def axis(self, segment: str) -> Array | None:
@@ -71,6 +73,8 @@ def posture_angles(body: SegmentFrames, n: int) -> Array:
     columns.update(body.columns)
     for column, values in columns.items():
         angles[:, INDEX[column]] = values
+    for column, gap in body.gaps.items():
+        angles[gap, INDEX[column]] = np.nan
     return angles
 
 
@@ -79,13 +83,19 @@ def rotated_about(frame: Array, axis: int, angle: Array) -> Array:
     i, j = (axis + 1) % 3, (axis + 2) % 3
     # Each of the nine numbers lies together for all frames, for speed.
     result = np.empty((3, 3, len(angle)))
-    turned = result.transpose(2, 0, 1)
-    first, second, kept = (np.broadcast_to(frame, turned.shape)[:, :, at].T for at in (i, j, axis))
-    cosine, sine = np.cos(angle), np.sin(angle)
-    result[:, i] = first * cosine + second * sine
-    result[:, j] = second * cosine - first * sine
-    result[:, axis] = kept
-    return turned
+    parts = frame.transpose(1, 2, 0) if frame.ndim == 3 else frame[:, :, None]
+    first, second = parts[:, i], parts[:, j]
+    # One tangent takes half the time of a sine and a cosine.
+    tangent = np.tan(0.5 * angle)
+    sine = 2.0 / (1.0 + tangent * tangent)
+    cosine = sine - 1.0
+    sine *= tangent
+    np.multiply(first, cosine, out=result[:, i])
+    result[:, i] += second * sine
+    np.multiply(second, cosine, out=result[:, j])
+    result[:, j] -= first * sine
+    result[:, axis] = parts[:, axis]
+    return result.transpose(2, 0, 1)
 
 
 def frame_from_y_z(y: Array, z: Array) -> Array:
@@ -134,16 +144,21 @@ def arm_angles(direction: Array) -> tuple[Array, Array]:
     forward, up, out = direction.T
     flexion = np.degrees(np.arctan2(forward, -up))
     flexion = np.where(flexion < -90.0, flexion + 360.0, flexion)
-    flat = np.hypot(forward, up)
+    flat = _length(forward, up)
     sideways = flat <= np.sin(np.radians(CONE))
-    elevation = np.degrees(np.arctan2(np.hypot(forward, out), -up))
+    elevation = np.degrees(np.arctan2(_length(forward, out), -up))
     return np.where(sideways, elevation, flexion), np.degrees(np.arctan2(out, flat))
+
+
+def _length(a: Array, b: Array) -> Array:
+    """Return the length of the hypotenuse; of numbers of usual size three times as fast as `numpy.hypot`."""
+    return np.asarray(np.sqrt(a * a + b * b))
 
 
 def _lean(axis: Array) -> tuple[Array, Array]:
     """Return flexion and side bend [deg] of an (n, 3) axis in the coordinates of the reference segment."""
     x, y, z = axis.T
-    return np.degrees(np.arctan2(x, y)), np.degrees(np.arctan2(z, np.hypot(x, y)))
+    return np.degrees(np.arctan2(x, y)), np.degrees(np.arctan2(z, _length(x, y)))
 
 
 def _twist(parent: Array, child: Array) -> Array:
@@ -194,7 +209,7 @@ def _shoulder(body: SegmentFrames, trunk: Array, thorax: Array, side: str, colum
         clavicle = body.frames[f"clavicle_{side}"][:, :, 2] * (1.0 if side == "right" else -1.0)
     if clavicle is not None:
         x, y, z = _in(thorax, clavicle).T
-        columns[f"shoulder_elevation_{side}"] = np.degrees(np.arctan2(y, np.hypot(x, z)))
+        columns[f"shoulder_elevation_{side}"] = np.degrees(np.arctan2(y, _length(x, z)))
 
 
 def _limbs(body: SegmentFrames, side: str, columns: dict[str, Array]) -> None:
@@ -210,7 +225,7 @@ def _limbs(body: SegmentFrames, side: str, columns: dict[str, Array]) -> None:
     if hand is not None:
         radial, along, palmar = _mirrored(_in(forearm, hand), side).T
         columns[f"wrist_flexion_{side}"] = np.degrees(np.arctan2(palmar, along))
-        columns[f"wrist_deviation_{side}"] = np.degrees(np.arctan2(radial, np.hypot(along, palmar)))
+        columns[f"wrist_deviation_{side}"] = np.degrees(np.arctan2(radial, _length(along, palmar)))
     arm = body.frames.get(f"upper_arm_{side}")
     if arm is not None:
         columns[f"wrist_twist_{side}"] = _twist(arm, forearm) * (1.0 if side == "right" else -1.0)

@@ -143,7 +143,8 @@ def read_match(
     offsets, note = neutral_posture(time, partial(_chosen, frames), neutral)
     if offsets:
         frames.change(lambda rows: subtract(rows[:, 1:], offsets))
-    warnings = [*mapper.warnings, *_column_warnings(_statistics(frames))]
+    seen = _statistics(frames) if offsets else seen.turned(corrections.turned).without(corrections.hidden)
+    warnings = [*mapper.warnings, *_column_warnings(seen)]
     assumed = [text for text in (match.note, *mapper.assumed, note) if text]
     whole = PostureTable(
         data=pd.DataFrame(columns=["time", *COLUMNS]),
@@ -154,7 +155,18 @@ def read_match(
         why_unmeasured={column: reasons[column] for column in unmeasured},
         assumed=tuple(dict.fromkeys(assumed)),
         recognised=_recognised(match, reasons, unmeasured),
-        quality=_quality(recording, match, start, log, time, frames, warnings, strict, helpers),
+        quality=_quality(
+            recording,
+            match,
+            start,
+            log,
+            time,
+            frames,
+            warnings,
+            strict,
+            helpers,
+            radians=getattr(mapper, "radians", False),
+        ),
         epoch=match.stream.epoch + start,
         signals=tuple(mapper.wanted),
         files=recording.files,
@@ -342,13 +354,15 @@ def _quality(
     warnings: list[str],
     strict: bool,
     helpers: tuple[Stream, ...] = (),
+    *,
+    radians: bool = False,
 ) -> Quality:
     accounts = accounts_of(recording, match, log, float(time[-1] - time[0]), helpers)
     if strict:
         refuse_losses(recording.path, accounts[0], log)
     warnings = [*warnings, *account_warnings(accounts[0])]
     frozen = frozen_warning(time, _equal(frames))
-    if look_like_radians((rows[:, 1:] for rows in blocks(frames)), len(frames)):
+    if radians or look_like_radians((rows[:, 1:] for rows in blocks(frames)), len(frames)):
         if strict:
             raise ReadError(recording.path, RADIANS_TEXT, hint="read it without strict to use them as they are")
         warnings = [*warnings, RADIANS_TEXT]

@@ -89,6 +89,13 @@ class ColumnStatistics:
         beyond[at], turned[at] = self.beyond_turned[at], self.beyond[at]
         return dataclasses.replace(self, low=low, high=high, beyond=beyond, beyond_turned=turned)
 
+    def without(self, at: Sequence[int]) -> ColumnStatistics:
+        """Return the statistics as if the columns at these positions had no value."""
+        kept = ~np.isin(np.arange(len(COLUMNS)), at)
+        low, high = np.where(kept, self.low, np.inf), np.where(kept, self.high, -np.inf)
+        known, beyond, turned = (np.where(kept, counts, 0) for counts in (self.known, self.beyond, self.beyond_turned))
+        return dataclasses.replace(self, known=known, low=low, high=high, beyond=beyond, beyond_turned=turned)
+
     def empty_columns(self) -> list[str]:
         """Return the columns without any value."""
         return [column for column, index in INDEX.items() if not self.known[index]]

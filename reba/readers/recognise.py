@@ -200,6 +200,8 @@ def alike(fitting: Sequence[Match], best: Match) -> list[Match]:
 
 QUALIFIED = ("/{name}", "{id}/{name}", "{id}::{name}", "{id}:{name}", "{id}.{name}")
 """Patterns of namespaces, which hold for every profile of bare names: what stands before the name says whose it is."""
+PLACES = ("{name}_pos", "{name}_position", "{name}.pos", "{name}.position", "{name}/position")
+"""Patterns of what tables call the place of a point, beside its other values; for points."""
 AT_ONCE = 0.5
 """[s] In which two ids may overlap and still be one person whose id a tracker renewed; a choice."""
 
@@ -264,11 +266,10 @@ def seconds_text(match: Match) -> str:
 def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
     """Return body id -> profile name -> signal, for every id under which names of the profile occur in a stream.
 
-    Points are found in other spellings too ("LEFT_HIP", "leftHip"): they have no signs that could hang on the spelling.
+    Points are found in other spellings too ("LEFT_HIP", "leftHip", "l_hip"): they have no signs that could hang on it.
     """
     result: dict[str, dict[str, str]] = {}
-    patterns = (*profile.patterns, *(QUALIFIED if "{name}" in profile.patterns else ()))
-    loose = profile.kind == "points"
+    patterns, loose = _patterns(profile)
     spelling = {_folded(name): name for name in profile.names}
     for index, pattern in enumerate(patterns):
         expression = _expression(profile.names, pattern, loose)
@@ -292,19 +293,28 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
 
 def may_concern(profile: Profile, signal: str) -> bool:
     """Return whether a signal may be one of a profile, of any body."""
-    patterns = (*profile.patterns, *(QUALIFIED if "{name}" in profile.patterns else ()))
-    loose = profile.kind == "points"
+    patterns, loose = _patterns(profile)
     return any(_expression(profile.names, pattern, loose).fullmatch(signal) for pattern in patterns)
+
+
+def _patterns(profile: Profile) -> tuple[tuple[str, ...], bool]:
+    """Return the patterns of the signals of a profile, and whether other spellings are found too."""
+    loose = profile.kind == "points"
+    further = (*QUALIFIED, *(PLACES if loose else ())) if "{name}" in profile.patterns else ()
+    return (*profile.patterns, *further), loose
 
 
 @cache
 def _expression(names: tuple[str, ...], pattern: str, loose: bool) -> re.Pattern[str]:
     words = [re.escape(name) for name in sorted(names, key=len, reverse=True)]
     if loose:
-        words = [word.replace("_", "[ _-]?") for word in words]
+        words = [_BETWEEN_WORDS.sub("[ _-]?", word) for word in words]
     text = re.escape(pattern).replace(re.escape("{name}"), f"(?P<name>{'|'.join(words)})")
     text = text.replace(re.escape("{id}"), "(?P<id>.+?)").replace(re.escape("*"), ".+?")
     return re.compile(text, re.IGNORECASE if loose else 0)
+
+
+_BETWEEN_WORDS = re.compile(r"_|(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
 def _folded(name: str) -> str:

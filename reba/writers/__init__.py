@@ -35,6 +35,8 @@ from reba.writers.xlsx import check_frames, write_xlsx
 
 BLOCK_ROWS: Final = 16_384
 """Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
+CSV_ROWS: Final = 2000
+"""Rows that are texts in memory at once; a text takes ten times the memory of its number."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap", ".xlsx")
 
 
@@ -172,7 +174,7 @@ def _write(
         text = as_json(with_provenance(metadata), indent=1) + "\n"
         write_atomic(
             path,
-            lambda part: cells_of(data).to_csv(part, index=False, chunksize=BLOCK_ROWS),
+            lambda part: cells_of(data).to_csv(part, index=False, chunksize=CSV_ROWS),
             beside={ABOUT: lambda part: write_text(part, text)},
         )
     else:

@@ -23,8 +23,8 @@ from reba.readers.formats.file_content import unpacked_name
 from reba.readers.formats.lengths import metres
 from reba.readers.formats.marker_sets import marker_recording
 from reba.readers.formats.motive_bones import FORMAT, BoneFrames
-from reba.readers.formats.text import number_rows, read_lines
-from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, check_time, clip
+from reba.readers.formats.text import number, number_rows, read_lines, with_time
+from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, clip
 
 MOST_HEADER_LINES: Final = 20
 MAX_COLUMNS: Final = 20_000
@@ -80,7 +80,9 @@ def open_motive(path: Path, log: ReadLog) -> Recording:
     if separator != "," and re.search(r"\d,\d", lines[first] if first < len(lines) else ""):
         lines = [*lines[:first], *(line.replace(",", ".") for line in lines[first:])]  # saved again by a spreadsheet
     used = [1, *(column for signal in (*bones, *bodies, *markers) for column in signal.columns.values())]
-    rows, numbers = number_rows(path, lines, first, width, log, separator=separator, gaps=True, columns=used)
+    rows, numbers = number_rows(
+        path, lines, first, width, log, separator=separator, gaps=True, short=True, columns=used
+    )
     at = {column: index for index, column in enumerate(used)}
     time, rows = _time(path, rows, numbers, header, log)
     frames = BoneFrames(header.get("rotation type", ""), header.get("coordinate space", "").lower() == "local", scale)
@@ -197,7 +199,7 @@ def _time(
     blank = np.isnan(rows[:, 0])
     if blank.all():
         try:
-            rate = float(header.get("export frame rate", header.get("capture frame rate", "")))
+            rate = number(header.get("export frame rate", header.get("capture frame rate", "")))
         except ValueError:
             rate = 0.0
         if not 0 < rate < 1e6:
@@ -206,9 +208,5 @@ def _time(
             raise ReadError(path, what, hint="export the take again with its times")
         log.time_source = "Export Frame Rate"
         return np.arange(len(rows)) / rate, rows
-    if blank.any():
-        log.skip(int(blank.sum()), f"line {numbers[np.argmax(blank)]}: no time")
-        rows = rows[~blank]
-    time = np.ascontiguousarray(rows[:, 0])
-    check_time(time, log)
+    time, rows = with_time(rows[:, 0], rows, numbers, log)
     return time, rows

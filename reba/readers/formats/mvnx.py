@@ -24,7 +24,6 @@ from reba.readers.recording.stream import (
     Stream,
     Topic,
     array_stream,
-    check_time,
     clip,
     unique_names,
 )
@@ -98,7 +97,6 @@ def _times(path: Path, parser: Parser, log: ReadLog) -> tuple[Array, float]:
         log.warn(f"frames have no time; it was counted from frameRate {parser.rate:g} Hz")
         return np.arange(len(stated)) / parser.rate, 0.0
     time = stated / 1000.0
-    check_time(time, log)
     return time, first.epoch / 1000.0 - float(time[0]) if first.epoch > 0 else 0.0
 
 

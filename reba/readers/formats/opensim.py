@@ -2,7 +2,7 @@
 
 Source: OpenSim documentation, "Storage (.sto) files" and "Motion (.mot) files". `inDegrees` states the unit of
 rotations; translations (`_tx`, `_ty`, `_tz`, and marker columns of SIMM files) are in metres; y is up. Columns are
-separated by tabs, spaces or, after a spreadsheet, commas.
+separated by tabs, spaces or, after a spreadsheet, commas or semicolons. A blank field or "nan" is a gap.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from reba.errors import ReadError
 from reba.readers.formats.file_content import unpacked_name
-from reba.readers.formats.text import number_rows, read_lines
-from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, check_time, clip, unique_names
+from reba.readers.formats.text import number_rows, read_lines, rows_separator, with_time
+from reba.readers.recording.stream import ReadLog, Recording, Topic, array_stream, clip, unique_names
 
 KEYS = (b"indegrees", b"nrows", b"datarows", b"ncolumns", b"datacolumns")
 """Header keys that identify an OpenSim file whose `endheader` is beyond its first bytes."""
 UNITS: dict[str, Literal["deg", "rad", ""]] = {"yes": "deg", "y": "deg", "true": "deg", "no": "rad", "n": "rad"}
 """Values of `inDegrees`; with any other the unit is not stated."""
+SEPARATORS: tuple[str | None, ...] = ("\t", ";", ",", None)
+"""What may stand between two fields."""
 TIMES = ("time", "t")
 """Names of the first column, in lower case."""
 
@@ -39,8 +39,7 @@ def open_opensim(path: Path) -> Recording:
     lines = read_lines(path, log)
     keys, labels_at = _header(path, lines)
     line = lines[labels_at]
-    comma = "," in line and "\t" not in line
-    split = line.split("," if comma else "\t" if "\t" in line else None)
+    split = line.split("\t" if "\t" in line else ";" if ";" in line else "," if "," in line else None)
     labels = [label.strip() for label in split]
     while labels and not labels[-1]:
         labels.pop()
@@ -51,12 +50,12 @@ def open_opensim(path: Path) -> Recording:
             hint="export the motion again with its header",
         )
     names = unique_names(labels[1:], log)
-    rows, _ = number_rows(path, lines, labels_at + 1, len(labels), log, separator="," if comma else None)
+    separator = rows_separator(lines[labels_at + 1 :], SEPARATORS, len(labels))
+    rows, numbers = number_rows(path, lines, labels_at + 1, len(labels), log, separator=separator, gaps=True)
     if not len(rows):
         raise ReadError(path, f"no complete row of numbers after line {labels_at + 1}", hint="export the motion again")
     _check_counts(keys, len(rows), len(labels), log)
-    time: np.ndarray = np.ascontiguousarray(rows[:, 0])
-    check_time(time, log)
+    time, rows = with_time(rows[:, 0], rows, numbers, log)
     unit = _unit(keys, log)
     stream = array_stream(
         unpacked_name(path).stem, "joints", "OpenSim", names, time, rows[:, 1:], opened=log, unit=unit, up="y"

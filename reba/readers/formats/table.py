@@ -40,10 +40,11 @@ from reba.readers.formats.table_file import (
     separator_of,
 )
 from reba.readers.formats.table_people import is_id, rows_of_people
-from reba.readers.formats.table_time import NAMES, frame_numbers, plain, take_time
+from reba.readers.formats.table_time import NAMES, frame_numbers, plain, take_time, without_blank_words
 from reba.readers.formats.text import LARGEST
 from reba.readers.formats.vicon import is_vicon, open_vicon
-from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, check_time, clip
+from reba.readers.recording.row_times import row_times
+from reba.readers.recording.stream import ReadLog, Recording, Stream, Topic, array_stream, clip
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -192,7 +193,6 @@ def _of_one(
             factor_of = DEGREES.get(units.get(column, ""), 1.0) if column in angles else 1.0
             numbers[column] = values[timed] * factor_of if factor_of != 1.0 else values[timed]
     time = time[timed]
-    check_time(time, log)
     others = [column for column in (*numbers, *texts)[:MAX_CHECKED] if column not in KNOWN]
     absent = [column for column in KNOWN if column not in frame.columns]
     near = "" if scored is not None else near_names(others, absent)
@@ -213,7 +213,7 @@ def _of_one(
         opened=log,
         epoch=epoch,
         unit="deg" if angles else _unit((*names, *(f"_{units[name]}" for name in names if name in units))),
-        table=(lambda: _table(frame, timed, time, numbers, used)) if angles else None,
+        table=(lambda: _table(frame, timed, row_times(time).time, numbers, used)) if angles else None,
     )
     streams = [stream]
     points = {} if angles else coordinates(numbers)
@@ -259,7 +259,8 @@ def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog
     if pd.api.types.is_datetime64_any_dtype(series) or pd.api.types.is_timedelta64_dtype(series):
         return None
     if not pd.api.types.is_numeric_dtype(series):
-        numbers = pd.to_numeric(series.map(plain), errors="coerce")
+        series = without_blank_words(series)
+        numbers = pd.to_numeric(series, errors="coerce")
         bad = (numbers.isna() & series.notna()).to_numpy()
         if bad.any():
             if not angle and 2 * int(bad.sum()) > int(series.notna().sum()):

@@ -33,7 +33,8 @@ PLAIN: Final = frozenset({"-", "1", "bool"})
 """Units of columns that are neither angles nor lengths, times nor loads."""
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
-_AXIS = re.compile(r"^(?P<name>.+?)(?P<gap>[_.: -]?)(?P<axis>[xyzXYZ])$")
+_AXIS = re.compile(r"(?P<name>.+?)(?P<gap>[_.: -]?[\[(]?)(?P<axis>[xyzXYZ])[\])]?")
+_AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])(?P<gap>[_.: -])(?P<name>.+)")
 
 
 def is_unit(text: str) -> bool:
@@ -125,13 +126,18 @@ def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
     """
     axes: dict[tuple[str, str], dict[str, str]] = {}
     for name in names:
-        if match := _AXIS.match(name):
+        if match := _axis(name):
             axes.setdefault((match["name"], match["gap"]), {})[match["axis"].lower()] = name
     return {
         point: (columns["x"], columns["y"], columns["z"])
         for (point, _), columns in axes.items()
         if set(columns) == {"x", "y", "z"}
     }
+
+
+def _axis(name: str) -> re.Match[str] | None:
+    """Return the point and the axis in a name of a column, None without an axis."""
+    return _AXIS.fullmatch(name) or _AXIS_FIRST.fullmatch(name)
 
 
 def without_depth(names: Iterable[str]) -> int:
@@ -142,7 +148,7 @@ def without_depth(names: Iterable[str]) -> int:
     """
     axes: dict[str, set[str]] = {}
     for name in names:
-        if match := _AXIS.match(name):
+        if match := _axis(name):
             axes.setdefault(match["name"], set()).add(match["axis"].lower())
     return sum(letters == {"x", "y"} for letters in axes.values())
 

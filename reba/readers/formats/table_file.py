@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 PARQUET = b"PAR1"
 SEPARATORS = ",;\t"
 MAX_COLUMNS = 10_000
+INDEX = "__index_level_0__"
+"""Name that pandas gives to an index without one."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,8 @@ def read_parquet(path: Path, log: ReadLog) -> TableFile:
     attempt(lambda: table.validate(full=True))
     frame = attempt(lambda: table.to_pandas(ignore_metadata=True))
     frame.columns = list(_distinct(path, [str(name) for name in frame.columns], log))
+    if "time" not in frame.columns and any(frame[name].dtype.kind in "mM" for name in frame.columns if name == INDEX):
+        frame = frame.rename(columns={INDEX: "time"})
     for name in [name for name in frame.columns if frame[name].dtype == "category"]:
         frame[name] = frame[name].astype(object)
     left_out = tuple(

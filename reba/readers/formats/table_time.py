@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from reba.arrays import Array
 from reba.errors import ReadError
+from reba.readers.formats.text import BLANKS
+from reba.readers.recording.row_times import CENTURY
 from reba.readers.recording.stream import ReadLog, clip
 
 if TYPE_CHECKING:
@@ -49,6 +51,11 @@ SHORTEST_STEP = 5e-4
 """[s] Steps of time that are shorter are of another unit: no posture is measured 2000 times a second; a choice."""
 LARGEST_INTEGER = 4e18
 """Just below the largest 64-bit integer."""
+DAY = 86_400.0
+"""[s] Length of a day."""
+_CLOCK = re.compile(r"^(?:(?P<h>\d{1,3}):)?(?P<m>\d{1,2}):(?P<s>\d{2})(?:[.,:](?P<f>\d+))?$")
+_DAY = re.compile(r"^(?:(?P<y>\d{4})[./](?P<m>\d\d)[./](?P<d>\d\d)|(?P<d2>\d\d)\.(?P<m2>\d\d)\.(?P<y2>\d{4}))")
+_FRACTION = re.compile(r"(?<=:\d\d),(?=\d)")
 _NAME = re.compile(r"^(.+?)(?:[ _]?[\[(](\w+)[\])]|[ _](\w+))?$")
 
 
@@ -117,7 +124,8 @@ def take_time(
     extra: Array = np.zeros(len(values))
     if nanoseconds is not None:
         extra = np.asarray(_as_numbers(path, frame, nanoseconds, where)[0], dtype=np.float64) * 1e-9
-    start = valid[0]
+    typical = np.median(valid)
+    start = valid[np.abs(valid - typical) * unit < CENTURY][0]
     if abs(float(start)) * unit < ABSOLUTE:
         return values * unit + extra, 0.0, [column, *([nanoseconds] if nanoseconds else [])]
     # A difference of integers is exact to the nanosecond; seconds since 1970 as floats are not.
@@ -129,6 +137,12 @@ def plain(cell: object) -> object:
     if isinstance(cell, int) and abs(cell) > 1 << 1000:
         return "beyond floats"
     return cell if isinstance(cell, (int, float, str)) or cell is None else str(cell)
+
+
+def without_blank_words(cells: pd.Series) -> pd.Series:
+    """Return cells in types that `to_numeric` accepts, without words for "no value"."""
+    known = cells.astype(object).map(plain)
+    return known.mask(known.map(lambda cell: isinstance(cell, str) and cell.strip().lower() in BLANKS))
 
 
 def frame_numbers(frame: pd.DataFrame) -> tuple[str, Array] | None:
@@ -154,12 +168,19 @@ def _as_numbers(
     import pandas as pd
 
     series = frame[column]
+    if pd.api.types.is_timedelta64_dtype(series):
+        return np.where(series.isna(), np.nan, series.to_numpy().astype("timedelta64[ns]").astype(np.int64)), True
     if not (pd.api.types.is_numeric_dtype(series) or pd.api.types.is_datetime64_any_dtype(series)):
-        numbers = pd.to_numeric(series.astype(object).map(plain), errors="coerce")
+        series = without_blank_words(series)
+        numbers = pd.to_numeric(series, errors="coerce")
         if numbers.isna().equals(series.isna()):
             series = numbers
         else:
-            dates = pd.to_datetime(series.astype(str), errors="coerce", utc=True, format="ISO8601")
+            if (clock := _of_day(series)) is not None:
+                return clock, True
+            texts = series.astype(str).str.strip().str.replace(_DAY, _iso_day, regex=True)
+            texts = texts.str.replace(_FRACTION, ".", regex=True)
+            dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
             bad = (dates.isna() & series.notna()).to_numpy()
             # Where nearly all cells are numbers, the others are wrong.
             words = (numbers.isna() & series.notna()).to_numpy()
@@ -180,6 +201,24 @@ def _as_numbers(
         return series.to_numpy(dtype=np.int64), False
     floats = series.to_numpy(dtype=np.float64, na_value=np.nan)
     return np.where(np.isinf(floats), np.nan, floats), False
+
+
+def _iso_day(match: re.Match[str]) -> str:
+    year, month, day, *other = match.groups()
+    return "-".join((year, month, day) if year else reversed(other))
+
+
+def _of_day(series: pd.Series) -> Array | None:
+    """Return times of day, or lengths of time, as nanoseconds; None for other texts. After midnight they go on."""
+    parsed = series.astype(str).str.strip().str.extract(_CLOCK)
+    if (parsed["s"].isna() & series.notna()).any() or parsed["s"].isna().all():
+        return None
+    parts = parsed.fillna("0").astype(float)
+    fractions = ("0." + parsed["f"].fillna("0")).astype(float)
+    seconds = (parts["h"] * 3600 + parts["m"] * 60 + parts["s"] + fractions).to_numpy()
+    if (parts["h"] < 24).all():
+        seconds = seconds + DAY * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -DAY / 2)
+    return np.where(series.isna(), np.nan, np.rint(seconds * 1e9))
 
 
 def _unit_by_size(valid: NDArray[np.int64] | Array, typical: float, column: str, log: ReadLog) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,15 @@ MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-
 """Byte order marks and the encodings that they announce."""
 LARGEST = 1e12
 """Largest angle, length or time that is read; far above real ones, and squares of it cannot overflow."""
-BLANKS = frozenset({"", "nan", "na", "n/a", "-nan", "nan(ind)", "-nan(ind)", "null", "none"})
-"""Words for "no value", in lower case."""
+_NOT_A_NUMBER = ("nan", "nan(ind)", "nan(snan)", "1.#ind", "1.#qnan", "1.#snan", "1.#j")
+BLANKS = frozenset(
+    (
+        *("", "na", "n/a", "#n/a", "#n/a n/a", "#na", "<na>", "null", "none", "-", "--", "---", ".", "..", "..."),
+        *(sign + word for sign in ("", "-", "+") for word in _NOT_A_NUMBER),
+    )
+)
+"""Words for "no value", in lower case: of C and its compilers, spreadsheets and statistics, dashes and dots."""
+_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
 def decode(path: Path, data: bytes, log: ReadLog) -> str:
@@ -54,6 +62,7 @@ def number_rows(
     *,
     separator: str | None = None,
     gaps: bool = False,
+    short: bool = False,
     columns: Sequence[int] | None = None,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Return rows of numbers (n, width or number of `columns`) and the line number (n,) of each, counted from 1.
@@ -64,7 +73,8 @@ def number_rows(
         lines: every line of the file, which is at `path`.
         first: index of the first line with numbers.
         separator: None for any white space.
-        gaps: blank fields and "nan" are NaN, and short rows are filled with NaN, but not where blanks separate.
+        gaps: blank fields and "nan" are NaN.
+        short: rows may lack blank fields at their end, but not where blanks separate.
         columns: positions of the fields to return; the others may be texts. None for all.
 
     Raises:
@@ -81,12 +91,12 @@ def number_rows(
                 continue
             row = _row(lines[index], width, separator)
             if len(row) != width:
-                if index == last and len(row) < width and (not gaps or index == len(lines) - 1):
+                if index == last and len(row) < width and (not short or index == len(lines) - 1):
                     log.ended_abnormally = (
                         f"line {index + 1} ends after {len(row)} of {width} numbers; the rows before it were read"
                     )
                     continue
-                if len(row) > width or not gaps or separator is None:
+                if len(row) > width or not short or separator is None:
                     raise ReadError(
                         path,
                         f"line {index + 1} has {len(row)} numbers, expected {width}",
@@ -125,7 +135,7 @@ def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) 
         table = np.array(list(words), dtype=np.float64).reshape(len(rows), -1)
     except ValueError:
         table = np.array(
-            [[_number(path, word, line, gaps) for word in row] for row, line in zip(rows, numbers, strict=True)]
+            [[_cell(path, word, line, gaps) for word in row] for row, line in zip(rows, numbers, strict=True)]
         )
     bad = np.abs(table) > LARGEST
     if not gaps:
@@ -141,13 +151,47 @@ def _convert(path: Path, rows: list[list[str]], numbers: list[int], gaps: bool) 
     return table
 
 
-def _number(path: Path, word: str, line: int, gaps: bool) -> float:
+def _cell(path: Path, word: str, line: int, gaps: bool) -> float:
     text = word.strip()
     if gaps and text.lower() in BLANKS:
         return float("nan")
     try:
-        return float(text)
+        return number(text)
     except ValueError:
         raise ReadError(
             path, f"line {line}: {clip(text)} is not a number", hint="the file is damaged there: export it again"
         ) from None
+
+
+def number(text: str) -> float:
+    """Return the number of a text with a decimal point or comma.
+
+    Raises:
+        ValueError: it is none.
+
+    >>> number("1.5"), number("-0,25")
+    (1.5, -0.25)
+    """
+    return float(text.replace(",", ".") if _COMMA.fullmatch(text.strip()) else text)
+
+
+def rows_separator(lines: Sequence[str], separators: Sequence[str | None], width: int) -> str | None:
+    """Return which of some separators gives most of the first rows of numbers `width` fields, the first of equal ones.
+
+    None stands for any blanks, which leave no gap.
+    """
+    rows = [line.strip(" \r") for line in islice((line for line in lines if line.strip(" \t,")), LOOK)]
+    return max(separators, key=lambda separator: sum(len(_row(row, width, separator)) == width for row in rows))
+
+
+LOOK = 200
+"""Lines of numbers that decide the separator."""
+
+
+def with_time(time: Array, rows: Array, numbers: NDArray[np.int64], log: ReadLog) -> tuple[Array, Array]:
+    """Return the (n,) times [s] and the rows that have one; the others are counted, with the first of their lines."""
+    blank = np.isnan(time)
+    if blank.any():
+        log.skip(int(blank.sum()), f"line {numbers[np.argmax(blank)]}: no time")
+        rows, time = rows[~blank], time[~blank]
+    return np.ascontiguousarray(time), rows

@@ -17,13 +17,11 @@ from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.lengths import metres, metres_by_size
 from reba.readers.formats.marker_sets import marker_recording
-from reba.readers.formats.text import number_rows, read_lines
-from reba.readers.recording.stream import ReadLog, Recording, check_time, clip
+from reba.readers.formats.text import BLANKS, number, number_rows, read_lines, rows_separator, with_time
+from reba.readers.recording.stream import ReadLog, Recording, clip
 
 SEPARATORS: tuple[str | None, ...] = ("\t", "\t\t", ",", None)
 """What may stand between two fields, the likeliest first; None for any blanks, which leave no gap."""
-LOOK = 200
-"""Lines of numbers that decide the separator."""
 
 
 def sniff(path: Path, head: bytes) -> bool:
@@ -50,8 +48,8 @@ def open_trc(path: Path) -> Recording:
         first += 1
     names = _names(path, lines[names_at], coordinates, f"line {names_at + 1}", f"line {filled[4] + 1}")
     width = 2 + 3 * len(names)
-    separator = _separator(lines[first : first + LOOK], width)
-    rows, numbers = number_rows(path, lines, first, width, log, separator=separator, gaps=True)
+    separator = rows_separator(lines[first:], SEPARATORS, width)
+    rows, numbers = number_rows(path, lines, first, width, log, separator=separator, gaps=True, short=True)
     if not len(rows):
         raise ReadError(path, "no row of numbers after the header", hint="export it again with its frames")
     stated = header.get("numframes")
@@ -68,7 +66,7 @@ def open_trc(path: Path) -> Recording:
 
 def _split(line: str) -> list[str]:
     """Return the fields of a header line, blank ones included where tabs or commas separate them."""
-    separator = max(("\t", ","), key=line.count)
+    separator = "\t" if "\t" in line else ","
     return [field.strip() for field in (line.split(separator) if separator in line else line.split())]
 
 
@@ -86,7 +84,7 @@ def _keys(keys: str, values: str) -> dict[str, str]:
 
 def _is_numeric(fields: list[str]) -> bool:
     try:
-        return bool([float(field) for field in fields])
+        return bool([number(field) for field in fields if field.lower() not in BLANKS])
     except ValueError:
         return False
 
@@ -110,12 +108,6 @@ def _names(path: Path, line: str, coordinates: list[str], where: str, below: str
     )
 
 
-def _separator(lines: list[str], width: int) -> str | None:
-    """Return what separates the fields of most of the first rows of numbers."""
-    rows = [line.strip() for line in lines if line.strip(" \t,")]
-    return max(SEPARATORS, key=lambda separator: sum(len(row.split(separator)) == width for row in rows))
-
-
 def _time(
     path: Path, rows: Array, numbers: NDArray[np.int64], header: dict[str, str], log: ReadLog
 ) -> tuple[Array, Array]:
@@ -123,7 +115,7 @@ def _time(
     time = rows[:, 1]
     if np.isnan(time).all():
         try:
-            rate = float(header.get("datarate", ""))
+            rate = number(header.get("datarate", ""))
         except ValueError:
             rate = 0.0
         if not 0 < rate < 1e6:
@@ -131,10 +123,5 @@ def _time(
         log.warn(f"the Time column is blank; time was counted from DataRate {rate:g} Hz")
         log.time_source = "DataRate"
         return np.arange(len(rows), dtype=np.float64) / rate, rows
-    blank = np.isnan(time)
-    if blank.any():
-        log.skip(int(blank.sum()), f"line {numbers[np.argmax(blank)]}: no time")
-        rows = rows[~blank]
-    time = np.ascontiguousarray(rows[:, 1])
-    check_time(time, log)
+    time, rows = with_time(time, rows, numbers, log)
     return time, rows

@@ -14,8 +14,8 @@ import numpy as np
 from reba.errors import ReadError
 from reba.readers.formats.lengths import metres
 from reba.readers.formats.marker_sets import marker_recording
-from reba.readers.formats.text import number_rows, read_lines
-from reba.readers.recording.stream import ReadLog, Recording, Topic, check_time, clip
+from reba.readers.formats.text import number, number_rows, read_lines
+from reba.readers.recording.stream import ReadLog, Recording, Topic, clip
 
 SECTIONS = ("trajectories", "devices", "joints", "model outputs", "segments", "events", "segments outputs")
 """First lines of a Vicon export in lower case."""
@@ -61,12 +61,13 @@ def open_vicon(path: Path, log: ReadLog) -> Recording:
     if len(scales) != 1:
         raise ReadError(path, f"line {start + 5} has {len(scales)} units, expected one", hint="export it again")
     end = next((at for at in range(start + HEADER, len(lines)) if not lines[at].strip(" ,;\t")), len(lines))
-    rows, _ = number_rows(path, lines[: end + 1], start + HEADER, width, log, separator=separator, gaps=True)
+    rows, _ = number_rows(
+        path, lines[: end + 1], start + HEADER, width, log, separator=separator, gaps=True, short=True
+    )
     rows = rows[~np.isnan(rows[:, 0])]
     if not len(rows):
         raise ReadError(path, f"line {start + 1}: no row of trajectories", hint="export the trial with its frames")
     time = (rows[:, 0] - 1.0) / rate
-    check_time(time, log)
     points = rows[:, 2:].reshape(len(rows), -1, 3) * scales.pop()
     points[np.isnan(points).any(axis=2)] = np.nan
     labels = (names[2:] + [""] * width)[: width - 2 : 3]
@@ -83,7 +84,7 @@ def _fields(line: str, separator: str) -> list[str]:
 
 def _rate(path: Path, fields: list[str], line: int) -> float:
     try:
-        rate = float(fields[0])
+        rate = number(fields[0])
     except (ValueError, IndexError):
         rate = 0.0
     if not 0 < rate < 1e5:

@@ -5,7 +5,7 @@ Rotations about different axes do not commute, so joints of one chain are never 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from reba.arrays import Array, Flags
 from reba.errors import join_names
 from reba.posture.angles import SegmentFrames, rotated_about
 from reba.posture.columns import COLUMNS, SIDES
+from reba.posture.named_angles import RADIANS_OUTLIERS
 from reba.readers.mapping.reference_frames import PelvisPose, axis_vector
 from reba.readers.recording.profile import ElementaryRotation, Profile
 from reba.readers.recording.stream import Block, Stream
@@ -23,6 +24,8 @@ ARM_AND_LEG = (
 )
 """Segments of a side and their parents, parents first; without a chain the clavicle is rigid with the thorax."""
 SPINE = {"trunk": "thorax", "neck": "head"}
+UPRIGHT = ("trunk_flexion", "trunk_side_bend")
+"""Columns that are seen from the vertical, so that the pose of the pelvis decides."""
 SPINE_AXIS = {"side_bend": 0, "twist": 1, "flexion": 2}
 """ISB axis of the spine rotation that gives an angle: 0 x forward, 1 y up, 2 z right."""
 CHAIN_OF = {
@@ -36,6 +39,8 @@ CHAIN_OF = {
     "wrist_twist": "forearm",
 }
 """Segment whose chain moves a column of the limbs, where no joint gives the column itself."""
+ON_TRUNK = ("upper_arm_flexion", "upper_arm_abduction")
+"""Columns that are seen from the trunk, so that the girdle's chain moves them too."""
 
 
 class JointMapper:
@@ -54,10 +59,13 @@ class JointMapper:
         self.stated, self.unit = stream.unit, stream.unit or profile.unit
         self.assumed: list[str] = list(profile.assumed)
         self.warnings: list[str] = []
+        self.radians = False
+        """Whether joints in degrees look like radians."""
         if root is not None:
             self.assumed.append(root.assumed)
         elif not profile.up:
             self.assumed.append("pelvis assumed upright: trunk angles are relative to the pelvis")
+        self._moved_by = {column: _moved_by(profile, column) for column in COLUMNS}
         self.begin()
 
     def begin(self) -> None:
@@ -74,13 +82,14 @@ class JointMapper:
 
     def segment_frames(self, block: Block) -> SegmentFrames:
         """Return the segment frames (n, 3, 3) of a block of n samples."""
-        values = self._values(block)
+        measured = self._values(block)
         n = len(block.time)
         body = SegmentFrames(up=axis_vector(self.profile.up) if self.profile.up else None)
         frames = body.frames
+        values, lost = self._without_gaps(measured)
         if self.root is not None:
             body.up = self.root.up
-            frames["pelvis"] = self.root.at(block.time + self.epoch)
+            frames["pelvis"], lost[""] = _without_lost(self.root.at(block.time + self.epoch))
         else:
             frames["pelvis"] = self._chain_frames(np.eye(3), "pelvis", values, n)
         frames["thorax"] = self._chain_frames(frames["pelvis"], "thorax", values, n)
@@ -91,8 +100,21 @@ class JointMapper:
                 if f"{segment}_{side}" in self.profile.chains:
                     base = frames.get(f"{parent}_{side}", frames["pelvis" if parent == "pelvis" else "thorax"])
                     frames[f"{segment}_{side}"] = self._chain_frames(base, f"{segment}_{side}", values, n)
-        body.columns = self._columns(values, n)
+        body.columns = self._columns(measured, n)
+        lost = {joint: gap for joint, gap in lost.items() if gap.any()}
+        for column, joints in self._moved_by.items() if lost else ():
+            gaps = [gap for joint, gap in lost.items() if joint in joints]
+            if gaps and column not in body.columns:
+                body.gaps[column] = np.logical_or.reduce(gaps)
         return body
+
+    @staticmethod
+    def _without_gaps(values: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, Flags]]:
+        """Return values of joints with 0 in gaps, and where these are: a joint hides the columns of its own chain."""
+        lost = {joint: gap for joint, data in values.items() if (gap := ~np.isfinite(data)).any()}
+        return {
+            joint: np.where(lost[joint], 0.0, data) if joint in lost else data for joint, data in values.items()
+        }, lost
 
     def is_consistent(self) -> bool:
         """Return whether the unit fits all values; if not, it is changed for another pass."""
@@ -105,12 +127,8 @@ class JointMapper:
             )
             return False
         if self.ranges.outliers:
-            self.warnings.append(
-                f"{self.ranges.outliers} joint values beyond {OUTLIER:.1f} rad were left out as damaged"
-            )
-        largest = self.ranges.largest()
-        if self.unit == "deg" and CONSTANT < largest < 3.2:
-            self.warnings.append(f"no joint exceeds +-{largest:.2f} degrees: check that the unit is not radians")
+            self.warnings.append(f"{self.ranges.outliers} joint values beyond two turns were left out as damaged")
+        self.radians = self.unit == "deg" and self.ranges.look_like_radians()
         return True
 
     def unmeasured_columns(self, seconds: float) -> dict[str, str]:
@@ -163,15 +181,13 @@ class JointMapper:
         present = [
             (index, joint, columns[name]) for index, (joint, name) in enumerate(self.names.items()) if name in columns
         ]
+        data = np.ascontiguousarray(block.values.T[[at for _, _, at in present]])
         if not self.unit:
-            used = np.abs(block.values[:, [at for _, _, at in present]])
-            self.unit = "deg" if np.nanmax(used, initial=0.0) > MAX_ROTATION else "rad"
+            beyond = np.count_nonzero(np.abs(data) > MAX_ROTATION, axis=1)
+            self.unit = "deg" if (beyond > RADIANS_OUTLIERS * data.shape[1]).any() else "rad"
             self.assumed.append(f"the unit of the joints is not stated: {self.unit} by their range")
-        radians = self.unit == "rad"
-        return {
-            joint: self.ranges.add(index, np.ascontiguousarray(block.values[:, at]), radians)
-            for index, joint, at in present
-        }
+        self.ranges.add([index for index, _, _ in present], data, radians=self.unit == "rad")
+        return {joint: values for (_, joint, _), values in zip(present, data, strict=True)}
 
     def _chain_frames(self, frame: Array, segment: str, values: Mapping[str, Array], n: int) -> Array:
         """Return (n, 3, 3) frames of a segment: the parent's, rotated by each step of the chain."""
@@ -201,13 +217,34 @@ class JointMapper:
         return result
 
 
+def _without_lost(frames: Array) -> tuple[Array, Flags]:
+    """Return (n, 3, 3) frames with those that have no value upright, and which these are."""
+    lost: Flags = np.asarray(np.isnan(frames).any(axis=(1, 2)))
+    if lost.any():
+        frames = frames.copy()
+        frames[lost] = np.eye(3)
+    return frames, lost
+
+
+def _moved_by(profile: Profile, column: str) -> frozenset[str]:
+    """Return the joints without which a column of the chains is not known; "" is the pose of the pelvis."""
+    part, _, _ = column.partition("_")
+    if part in SPINE:
+        segments = [SPINE[part], *["pelvis"] * (column in UPRIGHT)]
+    else:
+        angle, _, side = column.rpartition("_")
+        segments = [f"{CHAIN_OF[angle]}_{side}", *[f"clavicle_{side}"] * (angle in ON_TRUNK)]
+    steps = [step.name for segment in segments for step in profile.chains.get(segment, ()) if step.name]
+    return frozenset([*steps, *[""] * (column in UPRIGHT)])
+
+
 def joints_of(profile: Profile, column: str) -> list[str]:
     """Return the joints whose rotation changes a column."""
     if column in profile.columns:
         return [term.name for term in profile.columns[column] if term.name]
     part, _, angle = column.partition("_")
     if part in SPINE:
-        chains = [SPINE[part], "pelvis"] if column in ("trunk_flexion", "trunk_side_bend") else [SPINE[part]]
+        chains = [SPINE[part], "pelvis"] if column in UPRIGHT else [SPINE[part]]
         steps = [step for chain in chains for step in profile.chains.get(chain, ())]
         return [step.name for step in steps if step.axis == SPINE_AXIS[angle] and step.name]
     angle, _, side = column.rpartition("_")
@@ -219,13 +256,18 @@ MOST_NAMES = 4
 MAX_ROTATION = 7.0
 """[rad] No anatomical joint rotates further: larger values are degrees in a field of radians."""
 OUTLIER = 4.0 * np.pi
-"""[rad] A single value beyond this is damaged data, not a posture."""
+"""[rad] A single value beyond this, two turns, is damaged data, not a posture."""
+SMALL_DEGREES = 3.2
+"""[deg] Joints that all stay within this look like radians."""
 CONSTANT = 1e-3
 """[deg] A joint with a smaller range is constant: the noise of any sensor is larger."""
 
 
 class JointRanges:
-    """Ranges of k joints, extended block by block; memory does not grow with the recording."""
+    """Ranges of k joints, extended block by block; memory does not grow with the recording.
+
+    `beyond` counts the values that are larger than any joint turns in radians, or than radians in degrees.
+    """
 
     def __init__(self, size: int) -> None:
         self.low, self.high = np.full(size, np.inf), np.full(size, -np.inf)
@@ -238,19 +280,22 @@ class JointRanges:
             getattr(self, name)[index] = getattr(other, name)[at]
         self.outliers = other.outliers
 
-    def add(self, index: int, data: Array, radians: bool) -> Array:
-        """Extend the range of a joint by (n,) values and return them, damaged ones as NaN."""
-        good = data[np.isfinite(data)]
-        self.seen[index] += len(good)
-        if radians and len(good) and max(good.max(), -good.min()) > MAX_ROTATION:
-            self.beyond[index] += float(np.sum(np.abs(good) > MAX_ROTATION))
-            self.outliers += int(np.sum(np.abs(good) > OUTLIER))
-            good = good[np.abs(good) <= OUTLIER]
-            data = np.where(np.abs(data) <= OUTLIER, data, np.nan)
-        if len(good):
-            self.low[index] = min(self.low[index], float(good.min()))
-            self.high[index] = max(self.high[index], float(good.max()))
-        return data
+    def add(self, at: Sequence[int], data: Array, *, radians: bool) -> None:
+        """Extend the ranges of the joints `at` (m,) by (m, n) values, and make damaged ones NaN."""
+        if not data.size:
+            return
+        low, high = np.fmin.reduce(data, axis=1), np.fmax.reduce(data, axis=1)
+        usual = MAX_ROTATION if radians else SMALL_DEGREES
+        self.seen[at] += data.shape[1] if np.isfinite(data.sum()) else np.isfinite(data).sum(axis=1)
+        for row in np.flatnonzero((low < -usual) | (high > usual)).tolist():
+            size = np.abs(data[row])
+            damaged = size > (OUTLIER if radians else np.degrees(OUTLIER))
+            self.beyond[at[row]] += np.count_nonzero((size > usual) & np.isfinite(size))
+            if damaged.any():
+                self.outliers += int(np.count_nonzero(damaged))
+                data[row, damaged] = np.nan
+                low[row], high[row] = np.fmin.reduce(data[row]), np.fmax.reduce(data[row])
+        self.low[at], self.high[at] = np.fmin(self.low[at], low), np.fmax(self.high[at], high)
 
     @property
     def known(self) -> Flags:
@@ -258,13 +303,14 @@ class JointRanges:
         return self.low <= self.high
 
     def count_beyond_rotation(self) -> int:
-        """Return how many joints exceed `MAX_ROTATION` in more than a fifth of their samples."""
+        """Return how many joints in radians exceed `MAX_ROTATION` in more than a fifth of their samples."""
         return int(np.sum(self.beyond > 0.2 * np.maximum(self.seen, 1.0)))
 
-    def largest(self) -> float:
-        """Return the largest absolute value of all joints, 0 without values."""
+    def look_like_radians(self) -> bool:
+        """Return whether joints in degrees, that move, have nearly all values within `SMALL_DEGREES`."""
         known = self.known
-        return float(np.max(np.maximum(np.abs(self.low[known]), np.abs(self.high[known])), initial=0.0))
+        largest = np.maximum(np.abs(self.low[known]), np.abs(self.high[known]))
+        return bool((largest > CONSTANT).any() and self.beyond.max(initial=0.0) <= RADIANS_OUTLIERS * self.seen.max())
 
     def constant(self, to_degrees: float) -> tuple[Array, Flags]:
         """Return the (k,) middle of each range [deg] and which joints are constant."""

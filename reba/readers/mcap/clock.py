@@ -129,7 +129,7 @@ def channel_clock(trace: Trace, *, use_stamps: bool) -> ChannelClock:
     there = points[points.stamp != NO_STAMP]
     wrong = _damaged(there)
     unusable = trace.count - trace.stamped + np.count_nonzero(wrong)
-    if use_stamps and unusable <= max(1, UNSTAMPED * trace.count):
+    if use_stamps and not trace.coarse and unusable <= max(1, UNSTAMPED * trace.count):
         good = _from_first(points, there[~wrong])
         clock = ChannelClock(trace, _passes(good), there.number[wrong], True)
         advances = trace.count == 1 or any(one.stamp[-1] > one.stamp[0] for one in clock.passes)
@@ -219,7 +219,8 @@ class RecordingClock:
         total = sum(clock.trace.count for clock in clocks)
         stamped = [clock for clock in clocks if clock.by_stamp]
         if 2 * sum(clock.trace.count for clock in stamped) < total:
-            self.why = "most messages have no usable time stamp"
+            coarse = any(trace.coarse for trace in traces)
+            self.why = "the time stamps repeat" if coarse else "most messages have no usable time stamp"
         elif (difference := _difference(stamped)) > CLOCKS_DIFFER:
             self.why = f"the time stamps of two topics differ by {difference / 1e9:.1f} s at one log time"
         if self.why:

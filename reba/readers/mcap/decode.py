@@ -199,7 +199,7 @@ def _pieces(plan: _LayoutPlan, rows: MessageRows, batch: Batch) -> list[Piece]:
 def _share_time(groups: list[SignalGroup], rows: MessageRows) -> bool:
     """Return whether all groups of each row have one time."""
     first = _raw_stamp(groups[0].stamp, rows)
-    return all(np.array_equal(_raw_stamp(group.stamp, rows), first) for group in groups[1:])
+    return all(bool((_raw_stamp(group.stamp, rows) == first).all()) for group in groups[1:])
 
 
 def _raw_stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[Any]:

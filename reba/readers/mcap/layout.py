@@ -74,12 +74,14 @@ class MessageRows:
         self.data = data
         self.starts = starts
         self.length = length
-        steps = np.diff(starts)
+        self._count = len(starts)
+        steps = starts[1:] - starts[:-1]
         even = len(steps) > 0 and bool((steps == steps[0]).all())
+        self._first = int(starts[0]) if even else 0
         self._step = int(steps[0]) if even else None
 
     def __len__(self) -> int:
-        return len(self.starts)
+        return self._count
 
     def select(self, chosen: Flags) -> MessageRows:
         """Return the rows for which `chosen` (n,) is true."""
@@ -89,14 +91,7 @@ class MessageRows:
         """Return (n, count) numbers of type `code` that begin `start` bytes into each row."""
         kind = np.dtype(code)
         if self._step is not None:
-            at = int(self.starts[0]) + start
-            return np.ndarray(
-                (len(self), count),
-                kind,
-                self.data,
-                at,
-                (self._step, kind.itemsize),
-            )
+            return np.ndarray((self._count, count), kind, self.data, self._first + start, (self._step, kind.itemsize))
         return gather(self.data, self.starts + start, count * kind.itemsize).view(kind)
 
     def varint(self, start: int, count: int) -> NDArray[np.int64]:
@@ -178,11 +173,10 @@ def take(rows: MessageRows, field_runs: Sequence[FieldRun], constant: dict[int, 
     result = np.empty((len(rows), width))
     for column, value in constant.items():
         result[:, column] = value
-    for run in field_runs:
-        if run.code == VARINT:
-            result[:, run.column] = rows.varint(run.start, run.count)
-        else:
-            # The bits may be those of a signalling NaN.
-            with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # The bits may be those of a signalling NaN.
+        for run in field_runs:
+            if run.code == VARINT:
+                result[:, run.column] = rows.varint(run.start, run.count)
+            else:
                 result[:, run.column : run.column + run.count] = rows.numbers(run.start, run.code, run.count)
     return result

@@ -39,8 +39,8 @@ def indexed_scan(data: bytes, index: bytes, most: int, *, publish_time: bool) ->
     starts, end = listed(index), len(data)
     if not len(starts) or starts[0] < 0 or starts[-1] > end - HEAD - MESSAGE_HEAD:
         return None
-    heads = gather(np.frombuffer(data, np.uint8), starts, HEAD)
-    lengths = heads[:, 1:].copy().view("<u8")[:, 0]
+    heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
+    lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0]
     if (heads[:, 0] != Opcode.MESSAGE).any() or (lengths < MESSAGE_HEAD).any() or (lengths > end).any():
         return None
     stops = starts + HEAD + lengths.astype(np.int64)
@@ -59,4 +59,8 @@ def indexed_scan(data: bytes, index: bytes, most: int, *, publish_time: bool) ->
                 definitions.append((opcode, start, at))
         if at != stop:
             return None
-    return scan_of(data, starts, definitions, end, count, publish_time=publish_time) if count <= most else None
+    return (
+        scan_of(data, starts, definitions, end, count, publish_time=publish_time, heads=heads)
+        if count <= most
+        else None
+    )

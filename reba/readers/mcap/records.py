@@ -273,13 +273,15 @@ def scan_of(
     count: int,
     *,
     publish_time: bool,
+    heads: NDArray[np.uint8] | None = None,
 ) -> Scan:
     """Return the messages that start at `starts`, of `count` records up to `end`; arguments as of `Scan` and `scan`."""
     if not len(starts):
         none = np.zeros(0, np.int64)
         return Scan(none, none, np.zeros(0, np.uint16), none, tuple(definitions), end, count)
     time_at = HEAD + (14 if publish_time else 6)
-    heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
+    if heads is None:
+        heads = gather(np.frombuffer(data, np.uint8), starts, HEAD + MESSAGE_HEAD)
     lengths = heads[:, 1:HEAD].copy().view("<u8")[:, 0].astype(np.int64) - MESSAGE_HEAD
     channels = heads[:, HEAD : HEAD + 2].copy().view("<u2")[:, 0].astype(np.uint16)
     times = np.minimum(heads[:, time_at : time_at + 8].copy().view("<u8")[:, 0], np.uint64(LATEST))

@@ -18,6 +18,8 @@ JITTER: Final = 500_000_000
 """[ns] By which stamps may run back, or differ from those of both neighbours, without a restart; a choice."""
 MESSAGES_PER_PASS: Final = 10
 """Stamps that run back more often than once in so many messages are no clock; a choice."""
+UNCHANGED: Final = 0.6
+"""Share of the log time in which the stamp stays the same, from which on stamps are too coarse; a choice."""
 MOST_POINTS: Final = 2048
 """Points of a recording that is being written beyond which those of even advance are thinned."""
 
@@ -60,10 +62,15 @@ class Trace:
         self._most = MOST_POINTS
         self._last: tuple[int, int] | None = None
         self._last_is_zero = False
+        self._stamp, self._same = NO_STAMP, False
+        self._unchanged = self._passed = self._changes = self._late = 0
 
     def add(self, log: Nanoseconds, stamp: Nanoseconds) -> None:
         """Add (n,) log times and stamps [ns] of the next messages."""
         if not len(log):
+            return
+        if self._is_even(log, stamp):
+            self._add_even(log, stamp)
             return
         stamp = self._without_zeros(stamp)
         there = stamp != NO_STAMP
@@ -72,7 +79,9 @@ class Trace:
         lag_before, log_before = self._last or (int(lag[there][0]) if there.any() else 0, int(log[0]))
         filled = np.where(latest >= 0, lag[latest], lag_before)
         steps = np.abs(np.diff(filled, prepend=lag_before))
-        jump = (steps > JITTER // 2) | (np.diff(log, prepend=log_before) < -JITTER)
+        passed = np.diff(log, prepend=log_before)
+        self._note_repeats(stamp, there, passed)
+        jump = (steps > JITTER // 2) | (passed < -JITTER)
         keep = jump.copy()
         keep[:-1] |= jump[1:]
         # The earliest stamp is time 0 of the recording.
@@ -83,7 +92,7 @@ class Trace:
         self._parts.append(Points(self.count + np.flatnonzero(keep), log[keep], stamp[keep], jump[keep]))
         self._stored += len(self._parts[-1].number)
         self._last = int(filled[-1]), int(log[-1])
-        uneven = np.flatnonzero((steps > JITTER) | (np.diff(log, prepend=log_before) < -JITTER))
+        uneven = np.flatnonzero((steps > JITTER) | (passed < -JITTER))
         if len(uneven) and not self.erratic:
             self._jumps += len(uneven)
             self.jumped = self.count + int(uneven[-1])
@@ -101,6 +110,49 @@ class Trace:
             self._parts[-1].stamp[-1] = NO_STAMP
             self.stamped -= 1
         return np.where(np.append(alike[1:], False) | alike, NO_STAMP, stamp)
+
+    def _is_even(self, log: Nanoseconds, stamp: Nanoseconds) -> bool:
+        """Return whether all messages have a stamp, and advance with it from the one before; most do."""
+        if self._last is None or stamp[0] <= max(self._stamp, 0) or log[0] < self._last[1] - JITTER:
+            return False
+        lag = stamp - log
+        most, least = int(lag.max()), int(lag.min())
+        near = most - self._last[0] <= JITTER // 2 and self._last[0] - least <= JITTER // 2
+        return bool(
+            near and most - least <= JITTER // 2 and (stamp[1:] > stamp[:-1]).all() and (log[1:] >= log[:-1]).all()
+        )
+
+    def _add_even(self, log: Nanoseconds, stamp: Nanoseconds) -> None:
+        """Add messages of even advance: the first and the last are enough."""
+        last = len(log) - 1
+        at = np.array([0, last] if last else [0])
+        self._parts.append(Points(self.count + at, log[at], stamp[at], np.zeros(len(at), bool)))
+        self._stored += len(at)
+        self._late += self._same
+        self._changes += last + 1
+        self._passed += int(log[-1]) - (self._last[1] if self._last else 0)
+        self._last = int(stamp[-1] - log[-1]), int(log[-1])
+        self._stamp, self._same, self._last_is_zero = int(stamp[-1]), False, False
+        self.count += last + 1
+        self.stamped += last + 1
+
+    def _note_repeats(self, stamp: Nanoseconds, there: Flags, passed: Nanoseconds) -> None:
+        """Note the log time that passes while the stamp stays the same."""
+        same = np.equal(stamp[:-1], stamp[1:])
+        same = np.concatenate([[stamp[0] == self._stamp], same]) & there
+        self._unchanged += int(passed[same].sum())
+        self._passed += int(passed.sum())
+        self._changes += len(same) - int(np.count_nonzero(same))
+        self._late += int(np.count_nonzero(np.concatenate([[self._same], same[:-1]]) & ~same))
+        self._stamp, self._same = int(stamp[-1]), bool(same[-1])
+
+    @property
+    def coarse(self) -> bool:
+        """Whether stamps go on in steps of many messages each, such as whole seconds.
+
+        Transforms that are sent one by one have equal stamps too, but at about the same log time.
+        """
+        return self._changes > 2 and 2 * self._late > self._changes and self._unchanged > UNCHANGED * self._passed
 
     @property
     def erratic(self) -> bool:

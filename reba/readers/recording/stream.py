@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array
+from reba.readers.recording.row_times import row_times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,7 +78,7 @@ class Block:
     """Consecutive samples of a stream.
 
     Attributes:
-        time: (n,) seconds since `Stream.epoch`; normally increasing, never NaN.
+        time: (n,) seconds since `Stream.epoch`; normally increasing, NaN for rows whose time is damaged.
         names: the k signal names of `values`; later blocks may have more.
         values: joints and angles (n, k); points (n, k, 3); frames (n, k, 7). NaN = no value at that time.
         parents: frames only: the parent frame of each name, "" for a pose that is already in the world.
@@ -265,7 +266,7 @@ def array_stream(
     opened: ReadLog,
     **more: Any,
 ) -> Stream:
-    """Return a stream of k signals at times (n,) [s] in blocks of `BLOCK` samples.
+    """Return a stream of k signals at times (n,) [s], as they stand in the rows, in blocks of `BLOCK` samples.
 
     Args:
         values: (n, k) or (n, k, 3) or (n, k, 7) as in `Block`, or a function from a slice of samples to them.
@@ -273,6 +274,10 @@ def array_stream(
         more: further fields of `Stream`.
     """
     signals = tuple(names)
+    clock = row_times(time)
+    time = clock.time
+    for note in clock.notes:
+        opened.warn(note)
     parents: tuple[str, ...] = more.get("parents", ())
 
     def read(log: ReadLog, wanted: Sequence[str] | None) -> Iterator[Block]:
@@ -299,7 +304,7 @@ def array_stream(
     known = time[np.isfinite(time)]
     if len(known):
         more.setdefault("present", dict.fromkeys(signals, ((float(known.min()), float(known.max())),)))
-    return Stream(name, kind, format, signals, read, count=len(time), **more)
+    return Stream(name, kind, format, signals, read, count=len(time), seams=clock.seams, **more)
 
 
 def unique_names(names: Sequence[str], log: ReadLog) -> tuple[str, ...]:
@@ -331,12 +336,3 @@ def clip(text: str, length: int = 40) -> str:
     "'aaaaaaaa...'"
     """
     return repr(text if len(text) <= length else text[:length] + "...")
-
-
-def check_time(time: Array, log: ReadLog) -> None:
-    """Note whether (n,) times [s] repeat or run backwards."""
-    steps = np.diff(time)
-    if np.any(steps < 0):
-        log.warn(f"time runs backwards {int(np.sum(steps < 0))} times, first after {time[np.argmax(steps < 0)]:.6g} s")
-    elif np.any(steps == 0):
-        log.warn(f"{int(np.sum(steps == 0))} samples have the time of the one before")

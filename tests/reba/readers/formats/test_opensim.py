@@ -87,7 +87,7 @@ def test_what_is_odd_is_noted(tmp_path: Path, old: str, new: str, what: str) -> 
     [
         ("endheader", "", "no line 'endheader'"),
         ("20.5", "2o.5", "line 12: '2o.5' is not a number"),
-        ("20.5", "nan", "line 12: 'nan' is not a finite number"),
+        ("20.5", "inf", "line 12: 'inf' is not a finite number"),
         ("20.5\t", "", "line 12 has 3 numbers, expected 4"),
         ("20.5", "20.5\t3", "line 12 has 5 numbers, expected 4"),
         ("time", "zeit", "line 10 | column names | 'time' first | zeit"),
@@ -125,3 +125,18 @@ def test_real_files(name: str, unit: str, count: int, columns: int, joint: str, 
     values = np.concatenate([block.values for block in stream.blocks(names=[joint])])
     assert values.shape == (count, 1)
     assert limits[0] <= values.min() < values.max() <= limits[1]
+
+
+@pytest.mark.parametrize("word", ["", "nan", "NaN", "-nan(ind)", "-1.#IND", "1.#QNAN", "#N/A", "--", "NULL"])
+def test_a_cell_without_a_number_is_a_gap(tmp_path: Path, word: str) -> None:
+    (block,) = open_opensim(write(tmp_path, SMALL.replace("      20.5", word))).streams[0].blocks()
+    np.testing.assert_array_equal(block.values[:, 1], [20.25, np.nan, 21.0])
+
+
+@pytest.mark.parametrize("separator", ["\t", ";", " "])
+def test_decimal_commas_are_read(tmp_path: Path, separator: str) -> None:
+    head, _, rows = SMALL.partition("pelvis_ty\n")
+    rows = "\n".join(separator.join(line.split()) for line in rows.splitlines()).replace(".", ",")
+    (block,) = open_opensim(write(tmp_path, f"{head}pelvis_ty\n{rows}\n")).streams[0].blocks()
+    np.testing.assert_allclose(block.values[:, 1], [20.25, 20.5, 21.0])
+    np.testing.assert_allclose(block.time, [0.0, 0.01, 0.02])

@@ -354,3 +354,37 @@ def test_a_word_among_times_is_named_with_its_line(tmp_path: Path) -> None:
     with pytest.raises(ReadError) as caught:
         opened(tmp_path, "time,trunk_flexion\n" + rows + "mean,14.5\n")
     says(caught, "line 32", "'mean'", "not a time")
+
+
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        (("08:00:00.0", "08:00:00.5", "08:00:01"), (0, 0.5, 1)),
+        (("08:00:00,0", "08:00:00,5", "08:00:01,0"), (0, 0.5, 1)),
+        (("23:59:59.5", "00:00:00.0", "00:00:00.5"), (0, 0.5, 1)),
+        (("59:59.5", "60:00.0", "60:00.5"), (0, 0.5, 1)),
+        (("01.03.2026 08:00:00,5", "01.03.2026 08:00:01,0", "01.03.2026 08:00:01,5"), (0, 0.5, 1)),
+        (("2026/03/01 08:00:00", "2026/03/01 08:00:01", "2026/03/01 08:00:02"), (0, 1, 2)),
+    ],
+)
+def test_times_of_day_and_other_dates_are_times(
+    tmp_path: Path, cells: tuple[str, ...], expected: tuple[float, ...]
+) -> None:
+    rows = "".join(f"{cell};{index}\n" for index, cell in enumerate(cells))
+    found = times(opened(tmp_path, "time;trunk_flexion\n" + rows))
+    np.testing.assert_allclose(found - found[0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "time", [pd.to_timedelta(np.arange(3.0), "s"), pd.date_range("2026-03-01", periods=3, freq="s")]
+)
+def test_durations_and_an_index_of_times_are_times(tmp_path: Path, time: pd.Index) -> None:
+    path = tmp_path / "index.parquet"
+    pd.DataFrame({"trunk_flexion": [1.0, 2.0, 3.0]}, index=time).to_parquet(path)
+    np.testing.assert_allclose(times(open_table(path)), [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("word", ["-", "--", "..", "1.#IND", "n/a"])
+def test_a_word_for_no_value_is_a_gap(tmp_path: Path, word: str) -> None:
+    table = whole(opened(tmp_path, f"time,trunk_flexion\n0,1\n0.1,{word}\n0.2,3\n").streams[0])
+    np.testing.assert_array_equal(table["trunk_flexion"], [1.0, np.nan, 3.0])

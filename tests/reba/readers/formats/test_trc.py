@@ -179,3 +179,9 @@ def test_real_files(name: str, count: int, markers: int, marker: str) -> None:
     (block,) = stream.blocks(names=[marker])
     assert block.values.shape == (count, 1, 3)
     assert np.nanmax(np.abs(block.values)) < 2.0
+
+
+def test_decimal_commas_are_read(tmp_path: Path) -> None:
+    head, _, rows = SMALL.partition("\n\n")
+    text = head + "\n\n" + rows.replace(".", ",").replace("\t1400\t", "\t1400,0\t")
+    np.testing.assert_array_equal(values(write(tmp_path, text)), values(write(tmp_path, SMALL)))

@@ -56,3 +56,18 @@ def test_an_endless_recording_takes_bounded_memory() -> None:
     assert len(trace.points().number) <= MOST_POINTS + 1
     clock = channel_clock(trace, use_stamps=True)
     assert [one.start for one in clock.passes] == [0, MOST_POINTS]
+
+
+def test_stamps_of_whole_seconds_are_no_clock() -> None:
+    stamp = (LOG // SECOND) * SECOND
+    clock = clock_of(stamp, 50)
+    assert not clock.by_stamp
+    np.testing.assert_array_equal(clock.times(np.arange(600), LOG, stamp)[0], LOG)
+
+
+def test_messages_of_one_stamp_that_come_together_keep_it() -> None:
+    """Transforms that are sent one by one, here 23 in each second."""
+    trace = Trace()
+    log = LOG[0] + np.repeat(np.arange(30), 23) * SECOND + np.tile(np.arange(23), 30) * 100_000
+    trace.add(log, log // SECOND * SECOND)
+    assert channel_clock(trace, use_stamps=True).by_stamp
