@@ -126,6 +126,14 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--assessor", default="", metavar="TEXT", help="Assessor on the first printed page."),
         click.option("--task", default="", metavar="TEXT", help="Task on the first printed page."),
         click.option(
+            "--camera", default="", metavar="TOPIC",
+            help="Topic of the images; by default the one with the most.",
+        ),
+        click.option(
+            "--images", type=click.Choice(["pixelated", "clear"]),
+            help="Show in the report images of a camera in the recording: pixelated as a whole, or clear.",
+        ),
+        click.option(
             "--names", is_flag=True,
             help="Show in the report the names that recordings give to people, marker sets and streams, and paths.",
         ),
@@ -136,6 +144,20 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):  # fmt: skip
         command = option(command)
     return command
+
+
+def report_form(values: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
+    """Return the report and the other values that click gives for `report_options`, and take them out.
+
+    Raises:
+        RebaError: images are asked for without a report, or a camera without images.
+    """
+    report = values.pop("report")
+    if values["images"] and report is None:
+        raise RebaError(f"--images {values['images']} shows them in the report; give --report FILE.html too")
+    if values["camera"] and not values["images"]:
+        raise RebaError(f"--camera {values['camera']} chooses among images; give --images pixelated or clear too")
+    return report, {name: values.pop(name) for name in ("task", "assessor", "date", "names", "images", "camera")}
 
 
 class Stop(Exception):

@@ -24,6 +24,7 @@ from reba.report.error_section import error_section
 from reba.report.explorer import cursor_frames, explorer, skeleton
 from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, PARTS, SOURCES, TEXT_ON
+from reba.report.pictures import Pictures
 from reba.report.plots import level_bands, time_label, time_svg
 from reba.report.sections import (
     activity_rows,
@@ -65,14 +66,20 @@ class Form:
 
 
 def page(
-    scores: Sequence[ScoreTable], command: str, form: Form, failed: Sequence[tuple[str, str]] = (), privacy: str = ""
+    scores: Sequence[ScoreTable],
+    command: str,
+    form: Form,
+    failed: Sequence[tuple[str, str]],
+    privacy: str,
+    pictures: Sequence[Pictures],
 ) -> str:
     """Return the report as HTML text.
 
     Args:
         command: command line to show, "" for none.
         failed: name and error of recordings that could not be scored.
-        privacy: what the page says about names in it.
+        privacy: what the page says about names and pictures in it.
+        pictures: of a camera, for each recording.
     """
     from markupsafe import Markup
 
@@ -92,7 +99,8 @@ def page(
             for number, (name, _) in enumerate(ACTION_LEVELS)
         ],
         sections=[
-            _section(i + 1, *one, len(records), max(lengths)) for i, one in enumerate(zip(records, spans, strict=True))
+            _section(i + 1, *one, len(records), max(lengths))
+            for i, one in enumerate(zip(records, pictures, spans, strict=True))
         ],
         explorer_model=_json(explorer_model()),
         same_axis=same_axis,
@@ -127,7 +135,9 @@ def _json(data: Any) -> Any:
     return Markup(as_script_data(as_json(data)))
 
 
-def _section(number: int, record: RecordingSummary, span: float, recordings: int, longest: float) -> dict[str, Any]:
+def _section(
+    number: int, record: RecordingSummary, pictures: Pictures, span: float, recordings: int, longest: float
+) -> dict[str, Any]:
     """Return the template variables of one recording; `span` and `longest` [s]: its time axis, and that of all."""
     from markupsafe import Markup
 
@@ -158,9 +168,10 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
         "error": error_section(record),
         "part_titles": PARTS,
         "shared_svg": "",
+        "pictures": pictures,
     }
     if record.frames:
-        data = explorer(record, intervals, span, recordings)
+        data = {**explorer(record, intervals, span, recordings), "pictures": pictures.packed()}
         table = what_if(record.scores, record.weights)
         section |= {
             "advice": advise(record.scores),

@@ -24,6 +24,8 @@ const Timeline = (() => {
       this.angles = data.angles.map((angle) => ({ ...angle, values: unpack.shorts(angle.values) }));
       this.sitting = unpack.small(data.sitting);
       this.activity = unpack.small(data.activity);
+      this.pictures = data.pictures;
+      this.camera = root.querySelector(".camera.at-cursor");
       this.shown = [...this.full];
       this.total = "reba";
       this.degrees = 45;
@@ -164,8 +166,23 @@ const Timeline = (() => {
         this.drawParts();
         this.drawAngles();
         this.drawFigure();
+        this.showPicture();
         this.say();
       });
+    }
+
+    // Shows the picture of the camera that is nearest to the cursor, and says how far from it.
+    showPicture() {
+      if (!this.camera || !this.pictures) return;
+      const { times, pictures, pixelated } = this.pictures, now = this.time[this.at];
+      let nearest = 0;
+      times.forEach((time, k) => { if (Math.abs(time - now) < Math.abs(times[nearest] - now)) nearest = k; });
+      const image = this.camera.querySelector("img"), after = times[nearest] - now;
+      if (image.dataset.shown !== String(nearest)) image.src = pictures[nearest];
+      image.dataset.shown = String(nearest);
+      image.alt = `Picture of the camera at ${times[nearest].toFixed(1)} s${pixelated ? ", pixelated" : ""}`;
+      const when = Math.abs(after) < 0.005 ? "at the cursor" : `${Math.abs(after).toFixed(2)} s ${after > 0 ? "after" : "before"} the cursor`;
+      this.camera.querySelector("figcaption").textContent = `Camera ${when}${pixelated ? ", pixelated" : ""}.`;
     }
 
     // Draws a line of values in the shown interval: steps if they `hold`; `value` is null where there is none.
