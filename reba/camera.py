@@ -94,9 +94,9 @@ def camera_pictures(scores: ScoreTable, *, look: Look = "pixelated", topic: str 
         worst = {float(scores.time[one.frame]) for one in worst_intervals(scores)}
         # The worst moments first: each image stands once, and at them.
         moments = sorted(zip(time.tolist(), logged.tolist(), strict=True), key=lambda one: one[0] not in worst)
-        found = sorted(_pictures(camera, moments, look), key=lambda one: one.time)
+        available = sorted(_pictures(camera, moments, look), key=lambda one: one.time)
         camera.release()
-    kept = _bounded(found, worst, MOST_BYTES // share)
+    kept = _bounded(available, worst, MOST_BYTES // share)
     others = f"of {len(cameras)} cameras that with the most images is shown" if len(cameras) > 1 and not topic else ""
     note = others if kept else f"no pictures: no image of {source.name} could be read within {WITHIN:g} s of a moment"
     return Pictures(tuple(kept), BLOCKS if look == "pixelated" else 0, note, tuple(one.topic for one in cameras))
@@ -161,11 +161,11 @@ def _bounded(pictures: list[Picture], worst: set[float], limit: int) -> list[Pic
 
 def pictures_of_all(many: Sequence[ScoreTable], look: Look, topic: str) -> list[Pictures]:
     """Return the pictures of each recording of one report; one that fails has none, and a note that says why."""
-    found = []
+    results = []
     for scores in many:
         try:
-            found.append(camera_pictures(scores, look=look, topic=topic, share=len(many)))
+            results.append(camera_pictures(scores, look=look, topic=topic, share=len(many)))
         except ReadError as error:
             text = text_without_folders(str(error), scores.postures.source)
-            found.append(Pictures(note=f"no pictures: {text}"))
-    return found
+            results.append(Pictures(note=f"no pictures: {text}"))
+    return results

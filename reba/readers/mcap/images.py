@@ -56,13 +56,13 @@ class Camera:
     def nearest(self, time: int, within: int) -> ImageMessage | None:
         """Return the image whose log time [ns] is nearest to a time, None if none is `within` [ns] of it.
 
-        Segments are searched from the nearest on, until all others are farther away than what was found.
+        Segments are searched from the nearest on, until all others are farther away than the best.
 
         Raises:
             ReadError: a segment is damaged.
             Undecodable: the message is no image.
         """
-        best, found = within + 1, None
+        best, position = within + 1, None
         places = [
             (_away(segment, time), number, at)
             for number, (store, channel, _) in enumerate(self._parts)
@@ -75,12 +75,12 @@ class Camera:
             if len(times):
                 row = int(np.argmin(np.abs(times - time)))
                 if (distance := abs(int(times[row]) - time)) < best:
-                    best, found = distance, (number, at, row)
-        if found is None:
+                    best, position = distance, (number, at, row)
+        if position is None:
             return None
-        store, channel, data_of = self._parts[found[0]]
-        batch = batch_of(store, segments_of(store, channel.id)[found[1]], channel.id)
-        return ImageMessage(int(batch.times[found[2]]), data_of(batch.payload(found[2])), found)
+        store, channel, data_of = self._parts[position[0]]
+        batch = batch_of(store, segments_of(store, channel.id)[position[1]], channel.id)
+        return ImageMessage(int(batch.times[position[2]]), data_of(batch.payload(position[2])), position)
 
     def _times_of(self, number: int, at: int) -> NDArray[np.int64]:
         """Return the log times [ns] of the images in a segment."""
