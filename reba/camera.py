@@ -21,6 +21,7 @@ from reba.arrays import Array
 from reba.checks import TEXT, accepts, one_of
 from reba.errors import ReadError, RebaError, did_you_mean, join_names
 from reba.extras import missing
+from reba.file_names import text_without_folders
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import sha256_of
 from reba.readers.mcap import open_files, sniff
@@ -29,7 +30,6 @@ from reba.readers.mcap.images import Camera, cameras_of
 from reba.readers.mcap.layout import Undecodable
 from reba.readers.recording.stream import ReadLog
 from reba.report.pictures import LOOKS, Look, Picture, Pictures
-from reba.report.privacy import text_without_folders
 
 BLOCKS: Final = 40
 """Squares on the longer side of a pixelated picture: a face that is a tenth of it wide has 4; a choice."""

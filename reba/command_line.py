@@ -20,6 +20,7 @@ from click.shell_completion import shell_complete
 
 from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
+from reba.file_names import word_without_folder
 from reba.files import as_json
 from reba.interrupts import discard_output, interrupted
 from reba.outputs import FileOutput, FolderOutput, Output, check_outputs, existing
@@ -117,6 +118,11 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):
         command = option(command)
     return command
+
+
+def page_command(program: str) -> str:
+    """Return the command line as pages show it that name no recordings: paths are cut to their last part."""
+    return shlex.join([program, *map(word_without_folder, sys.argv[1:])])
 
 
 def report_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from reba.analysis.score_table import SCORES, ScoreTable
 from reba.checks import PATH, from_home, shown
 from reba.errors import RebaError
+from reba.file_names import file_name, text_without_folders
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
 from reba.report.page import Form, page
@@ -23,8 +24,6 @@ from reba.report.privacy import (
     WITH_NAMES,
     WITHOUT_NAMES,
     command_without_names,
-    file_name,
-    text_without_folders,
     without_names,
 )
 

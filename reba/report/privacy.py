@@ -16,6 +16,7 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from reba.analysis.score_table import ScoreTable
+from reba.file_names import file_name, word_without_folder
 from reba.posture.table import PostureTable
 
 KEPT: Final = {"joints", "frames", "points", "angles", "segments", "table", "markers", "bones", "motion"}
@@ -87,26 +88,7 @@ def command_without_names(command: str, recordings: Sequence[ScoreTable], camera
     words = ["--camera=[camera]" if word.removeprefix("--camera=") in cameras else word for word in words]
     for one in recordings:
         words = [_hider(one.postures)(word) for word in words]
-    return shlex.join(_without_folder(word) for word in words)
-
-
-def text_without_folders(text: str, path: str) -> str:
-    """Return a message about a file without the folder of that file.
-
-    >>> text_without_folders("/data/ann/a.csv: no column 'time'", "/data/ann/a.csv")
-    "a.csv: no column 'time'"
-    """
-    return text.replace(path, file_name(path))
-
-
-def _without_folder(word: str) -> str:
-    option, equals, value = word.partition("=") if word.startswith("-") else ("", "", word)
-    return f"{option}{equals}{file_name(value)}" if "/" in value or "\\" in value else word
-
-
-def file_name(path: str) -> str:
-    """Return the last part of a path of any system."""
-    return PurePath(path.replace("\\", "/")).name or path
+    return shlex.join(word_without_folder(word) for word in words)
 
 
 def _hider(postures: PostureTable) -> Callable[[Any], str]:
