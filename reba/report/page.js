@@ -12,6 +12,14 @@
     explorers[root.dataset.recording] = explorer;
   }
   window.explorers = explorers;
+  const longest = Math.max(...Object.values(explorers).map(({ time, until }) => until[until.length - 1] - time[0]));
+  for (const canvas of document.querySelectorAll("canvas.shared")) {
+    const explorer = explorers[canvas.dataset.recording];
+    if (!explorer) continue;
+    canvas.hidden = false;
+    canvas.previousElementSibling.classList.add("replaced");
+    explorer.shared = { canvas, length: longest };
+  }
 
   const follow = () => {
     const [, recording, time] = location.hash.match(/^#(r\d+)-at-([\d.-]+)$/) || [];

@@ -51,6 +51,8 @@ ERROR_LABEL: Final = "Most likely REBA over time, in the range that holds REBA w
 """Text alternative of the plot under measurement error."""
 SCRIPTS: Final = ("figure.js", "timeline.js", "page.js")
 """What makes a report of recordings with frames interactive, in this order."""
+PRINTED: Final = 3
+"""Worst postures on the first printed page."""
 MIN_LENGTH_RATIO: Final = 0.2
 """Shortest recording as a share of the longest up to which all time axes have equal length; below, the short plot
 would be too narrow to read."""
@@ -154,6 +156,7 @@ def _section(
         "views": VIEWS,
         "level_rows": _level_rows(record),
         "intervals": [(one, Markup(one.svg)) for one in intervals],
+        "printed": [(one, Markup(one.printed)) for one in intervals[:PRINTED]],
         "parts": part_shares(record),
         "contributions": part_contributions(record),
         "angles": angle_rows(record),

@@ -163,6 +163,7 @@ const Timeline = (() => {
       requestAnimationFrame(() => {
         this.waiting = false;
         this.drawScores();
+        if (this.shared) this.drawShared();
         this.drawParts();
         this.drawAngles();
         this.drawFigure();
@@ -216,20 +217,29 @@ const Timeline = (() => {
       return area;
     }
 
-    gapsAndCursor({ pen, width, height, ink }, bottom = 0) {
+    gapsAndCursor({ pen, width, height, ink }, bottom = 0, top = 0) {
       pen.fillStyle = "rgba(110, 118, 130, 0.3)";
       for (const [a, b] of this.gaps) pen.fillRect(this.x(a, width), 0, Math.max(this.x(b, width) - this.x(a, width), 1), height - bottom);
       const now = this.x(this.time[this.at], width);
       pen.strokeStyle = ink;
       pen.lineWidth = 1.5;
       pen.beginPath();
-      pen.moveTo(now, 0);
+      pen.moveTo(now, top);
       pen.lineTo(now, height - bottom);
       pen.stroke();
     }
 
-    drawScores() {
-      const area = this.frame(this.scoresCanvas), { pen, width, height, ink } = area;
+    // Draws REBA on the axis that the recordings of a comparison share.
+    drawShared() {
+      const own = this.shown;
+      const { length } = this.shared, [start] = this.time;
+      this.shown = [start - 0.01 * length, start + 1.01 * length];
+      this.drawScores(this.shared.canvas);
+      this.shown = own;
+    }
+
+    drawScores(canvas = this.scoresCanvas) {
+      const area = this.frame(canvas), { pen, width, height, ink } = area;
       const top = 20, bottom = height - 26;
       const y = (score) => bottom - ((score - 0.5) / 15.1) * (bottom - top);
       pen.textAlign = "right";
@@ -274,7 +284,7 @@ const Timeline = (() => {
         pen.font = "700 12px system-ui, sans-serif";
         pen.fillText(String(number), middle, 13.5);
       }
-      this.gapsAndCursor(area, 26);
+      this.gapsAndCursor(area, 26, 18);
       pen.restore();
     }
 
