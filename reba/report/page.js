@@ -56,7 +56,11 @@
     });
     bar.replaceChildren(...segments);
     const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 8;
-    const cells = (share) => `${(share * seconds).toFixed(1)} s (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
+    const lasting = (time) => {
+      const whole = Math.floor(time);
+      return time < 60 ? `${time.toFixed(1)} s` : `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
+    };
+    const cells = (share) => `${lasting(share * seconds)} (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
     const show = () => {
       const choice = inputs.map((input) => Number(input.value));
       inputs.forEach((input, k) => {

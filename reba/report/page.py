@@ -91,6 +91,7 @@ def page(
     spans = [max(lengths) if same_axis else length for length in lengths]
     filters: dict[str, Callable[..., str]] = {
         "seconds": wording.seconds,
+        "moment": wording.moment,
         "percent": wording.percent,
         "breakable": lambda name: Markup(as_markup(name).replace("_", "_<wbr>")),
     }
