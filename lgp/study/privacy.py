@@ -56,8 +56,11 @@ def _walked(value: Any, key: str, hide: Callable[[str], str], numbered: Mapping[
     if key in _CONDITIONS and not isinstance(value, Mapping):
         return value
     if isinstance(value, Mapping):
-        renamed = {"participants": lambda name: numbered.get(name, name), "notes": hide}.get(key, lambda name: name)
-        return {renamed(name): _walked(one, str(name), hide, numbered) for name, one in value.items()}
+        shown: dict[str, Any] = {}
+        for name, one in value.items():
+            label = numbered.get(name, name) if key == "participants" else hide(name) if key == "notes" else name
+            shown[label] = _walked(one, str(name), hide, numbered)
+        return shown
     if isinstance(value, list | tuple):
         return [_walked(one, "", hide, numbered) for one in value]
     if key == "input" and isinstance(value, str):

@@ -169,11 +169,9 @@ def stick_figure(
     top = max(_HEIGHT - 8 - (highest - min(heights)) * _SCALE - _ROOM, 0.0)
     drawn = [f'<g transform="translate({i * _WIDTH:g} 0)">{_view(place, angles, marks, title, turn, sitting)}</g>'
              for i, (title, turn) in enumerate(views)]  # fmt: skip
-    return (
-        f'<svg class="figure" viewBox="0 {top:.1f} {width:g} {_HEIGHT + 20 - top:.1f}" role="img" aria-label="{as_markup(label)}">'
-        + "".join(drawn)
-        + "</svg>"
-    )
+    box = f"0 {top:.1f} {width:g} {_HEIGHT + 20 - top:.1f}"
+    opening = f'<svg class="figure" viewBox="{box}" role="img" aria-label="{as_markup(label)}">'
+    return f"{opening}{''.join(drawn)}</svg>"
 
 
 def _view(
