@@ -29,11 +29,11 @@ from reba.command_line import (
     SEED,
     Group,
     Number,
-    command_line,
     echo,
     json_option,
     output_file,
     output_folder,
+    page_command,
     parallel_options,
     print_json,
     run,
@@ -251,7 +251,7 @@ def experiment(
         plans=plans,
         progress=lambda done, wanted: echo(f"{name}: {done} of {wanted} runs", err=True),
         on_event=lambda event: echo(f"{name}: {event}", err=True),
-        command=command_line("lgp"),
+        command=page_command("lgp"),
     )
     if as_json:
         print_json(summary)
@@ -271,7 +271,7 @@ def _all(output: str, draws: dict[str, Any], as_json: bool) -> None:
         **draws,
         progress=lambda done, wanted: echo(f"all: {done} of {wanted} runs", err=True),
         on_event=lambda event: echo(f"all: {event}", err=True),
-        command=command_line("lgp"),
+        command=page_command("lgp"),
     )
     if as_json:
         print_json(summary)
@@ -286,7 +286,7 @@ def _toolbox(output: str, common: dict[str, Any], as_json: bool) -> None:
         output,
         **common,
         on_event=lambda event: echo(f"toolbox: {event}", err=True),
-        command=command_line("lgp"),
+        command=page_command("lgp"),
     )
     if as_json:
         print_json(summary)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from reba._version import __version__
     from reba.analysis.improve import Improvement
     from reba.analysis.worksheet import Worksheet
+    from reba.camera import camera_pictures
     from reba.errors import PostureError, ProfileError, RadiansWarning, ReadError, RebaError, RulesError
     from reba.method.distribution import ScoreDistribution, score_probabilities
     from reba.method.measurement_error import MeasurementError
@@ -63,6 +64,7 @@ __all__ = [
     "Worksheet",
     "__version__",
     "angle_table",
+    "camera_pictures",
     "compare",
     "info",
     "read",
@@ -80,6 +82,7 @@ _LAZY = {
     "reba._version": ("__version__",),
     "reba.analysis.improve": ("Improvement",),
     "reba.analysis.worksheet": ("Worksheet",),
+    "reba.camera": ("camera_pictures",),
     "reba.errors": ("PostureError", "ProfileError", "RadiansWarning", "ReadError", "RebaError", "RulesError"),
     "reba.method.distribution": ("ScoreDistribution", "score_probabilities"),
     "reba.method.measurement_error": ("MeasurementError",),

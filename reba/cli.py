@@ -28,11 +28,11 @@ from reba.command_line import (
     Number,
     OutputType,
     Stop,
-    command_line,
     echo,
     json_option,
     parallel_options,
     print_json,
+    report_form,
     report_options,
     run,
 )
@@ -69,8 +69,8 @@ def cli() -> None:
 @parallel_options
 @json_option
 def score(
-    inputs: tuple[str, ...], output: str | None, as_ros: bool, report: str | None, task: str, assessor: str, date: str,
-    names: bool, jobs: int, scheduler: str | None, as_json: bool, **values: Any,
+    inputs: tuple[str, ...], output: str | None, as_ros: bool, jobs: int, scheduler: str | None, as_json: bool,
+    **values: Any,
 ) -> None:  # fmt: skip
     """Score recordings: files, or folders of them.
 
@@ -81,10 +81,10 @@ def score(
     from reba import score_command
 
     check_as_ros(as_ros, output)
+    report, form = report_form(values)
     options = options_of(values).with_files_read()
     paths = find_inputs(inputs)
     file, folder = plan_outputs(inputs, paths, output, report)
-    form: dict[str, Any] = {"task": task, "assessor": assessor, "date": date, "names": names}
     where: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "keep_scores": report is not None}
     if folder is not None:
         failed = score_command.into_dataset(folder, paths, options, report, form, as_json, _progress(len(paths)), where)
@@ -120,12 +120,11 @@ def info(path: str, as_json: bool, **values: Any) -> None:
 @report_options
 @scoring_options
 @json_option
-def compare(
-    a: str, b: str, report: str | None, task: str, assessor: str, date: str, names: bool, as_json: bool, **values: Any
-) -> None:
+def compare(a: str, b: str, as_json: bool, **values: Any) -> None:
     """Compare two recordings, such as before and after a change, or files of scores."""
     from reba.analysis.exposure import compare as compare_scores
 
+    report, form = report_form(values)
     options = options_of(values, recorded=True).with_files_read()
     first, second = options.read_and_score(a), options.read_and_score(b)
     if first.rules != second.rules:  # of a file of scores; the other is scored by them too
@@ -136,10 +135,9 @@ def compare(
     result["a"] = {"input": a, **result["a"]}
     result["b"] = {"input": b, **result["b"]}
     if report is not None:
-        from reba.report import write_report
+        from reba.score_command import report_on
 
-        form: dict[str, Any] = {"task": task, "assessor": assessor, "date": date, "names": names}
-        write_report([first, second], report, command=command_line("reba"), **form)
+        report_on([first, second], report, form)
     if as_json:
         print_json(result)
     else:

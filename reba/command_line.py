@@ -20,6 +20,7 @@ from click.shell_completion import shell_complete
 
 from reba.errors import RebaError
 from reba.extras import EXTRAS, missing
+from reba.file_names import word_without_folder
 from reba.files import as_json
 from reba.interrupts import discard_output, interrupted
 from reba.outputs import FileOutput, FolderOutput, Output, check_outputs, existing
@@ -119,12 +120,25 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def page_command(program: str) -> str:
+    """Return the command line as pages show it that name no recordings: paths are cut to their last part."""
+    return shlex.join([program, *map(word_without_folder, sys.argv[1:])])
+
+
 def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options for the report."""
     for option in (
         click.option("--date", default="", metavar="TEXT", help="Date on the first printed page."),
         click.option("--assessor", default="", metavar="TEXT", help="Assessor on the first printed page."),
         click.option("--task", default="", metavar="TEXT", help="Task on the first printed page."),
+        click.option(
+            "--camera", default="", metavar="TOPIC",
+            help="Topic of the images; by default the one with the most.",
+        ),
+        click.option(
+            "--images", type=click.Choice(["pixelated", "clear"]),
+            help="Show in the report images of a camera in the recording: pixelated as a whole, or clear.",
+        ),
         click.option(
             "--names", is_flag=True,
             help="Show in the report the names that recordings give to people, marker sets and streams, and paths.",
@@ -136,6 +150,20 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):  # fmt: skip
         command = option(command)
     return command
+
+
+def report_form(values: dict[str, Any]) -> tuple[str | None, dict[str, Any]]:
+    """Return the report and the other values that click gives for `report_options`, and take them out.
+
+    Raises:
+        RebaError: images are asked for without a report, or a camera without images.
+    """
+    report = values.pop("report")
+    if values["images"] and report is None:
+        raise RebaError(f"--images {values['images']} shows them in the report; give --report FILE.html too")
+    if values["camera"] and not values["images"]:
+        raise RebaError(f"--camera {values['camera']} chooses among images; give --images pixelated or clear too")
+    return report, {name: values.pop(name) for name in ("task", "assessor", "date", "names", "images", "camera")}
 
 
 class Stop(Exception):

@@ -35,6 +35,7 @@ EXTRAS: Final = {
 }
 """Name of an import -> extra that installs it."""
 DISTRIBUTIONS: Final = {
+    "PIL": "pillow",
     "foxglove": "foxglove-sdk",
     "mcap_ros2": "mcap-ros2-support",
     "pinocchio": "pin",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +11,7 @@ from reba.batch.dataset import NEW, Dataset
 from reba.batch.dataset_run import DatasetRun, score_into
 from reba.batch.manifest import MANIFEST
 from reba.batch.run import RecordingResult, ScoringOptions
+from reba.camera import pictures_of_all
 from reba.command_line import command_line, echo
 from reba.console import show_results, show_totals
 from reba.errors import RebaError
@@ -118,6 +119,24 @@ def _write_report(
     """Write the report if requested, with the recordings that failed, and return its path."""
     if report is None or not scores:
         return []
-    failed = [(one.input, one.error) for one in results if one.error is not None]
-    write_report(scores, report, command=command_line("reba"), failed=failed, **form)
+    report_on(scores, report, form, [(one.input, one.error) for one in results if one.error is not None])
     return [report]
+
+
+def report_on(scores: list[Any], report: str, form: Mapping[str, Any], failed: Sequence[tuple[str, str]] = ()) -> None:
+    """Write the report of a command, with pictures of a camera if they were asked for.
+
+    Args:
+        form: values of `report_form`.
+        failed: path and error of recordings that could not be scored.
+
+    Raises:
+        RebaError: the report cannot be written, or no recording has the camera that was named.
+    """
+    form = dict(form)
+    look, camera = form.pop("images"), form.pop("camera")
+    pictures = [] if look is None else pictures_of_all(scores, look, camera)
+    for one in pictures:
+        if one.note:
+            echo(f"note: {one.note}", err=True)
+    write_report(scores, report, command=command_line("reba"), failed=failed, pictures=pictures, **form)

@@ -43,6 +43,9 @@ from reba.terminal import Console, Text, console
     help="Write summary.json, scores.parquet and report.html there.",
 )  # fmt: skip
 @click.option("--report", type=output_file(), metavar="FILE.html", help="Write the HTML report to this file.")
+@click.option(
+    "--names", is_flag=True, help="Show in the report the labels of participants, folders, and names in file names.",
+)  # fmt: skip
 @scoring_options
 @json_option
 def study(
@@ -52,6 +55,7 @@ def study(
     conditions: str | None,
     output: str | None,
     report: str | None,
+    names: bool,
     as_json: bool,
     **scoring: Any,
 ) -> None:
@@ -75,9 +79,9 @@ def study(
         outputs=[*outputs, *([FileOutput(report)] if report is not None else [])],
     )
     if output is not None:
-        scored.save(output, command=command_line("lgp"))
+        scored.save(output, command=command_line("lgp"), names=names)
     if report is not None:
-        scored.write_report(report, command=command_line("lgp"))
+        scored.write_report(report, command=command_line("lgp"), names=names)
     if as_json:
         print_json({**scored.summary, "output": output, "report": report})
     else:

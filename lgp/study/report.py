@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from pathlib import PurePath
 from typing import Any, Final
 
 import numpy as np
 
 from lgp.statistics.formatting import number, p_value
 from lgp.statistics.paired_tests import stars
+from lgp.study.privacy import WITH_NAMES, WITHOUT_NAMES, without_names
 from lgp.study.scoring import EXTRA, LEVELS, PARTS, SIDED, TOTAL
 from lgp.svg import INK, SOFT, error_bar, horizontal_grid, line, svg, text, ticks, vertical_title
 from reba.method.tables import ACTION_LEVELS
@@ -24,18 +24,22 @@ SOURCE: Final = (
 """Source of the figure and of the analysis of variance."""
 
 
-def render(summary: Mapping[str, Any], *, command: str = "") -> str:
-    """Report of a summary of `lgp.study.study.summarise` as HTML text; it shows the `command` that reproduces it."""
+def render(summary: Mapping[str, Any], *, command: str = "", names: bool = False) -> str:
+    """Report of a summary of `lgp.study.study.summarise` as HTML text.
+
+    Args:
+        command: that reproduces it, shown on the page.
+        names: show labels of participants and folders.
+    """
     from markupsafe import Markup
 
-    files = [one["input"] for one in (*summary["recordings"], *summary["failed"])]
+    if not names:
+        summary, command = without_names(summary, command)
     filters: dict[str, Callable[..., str]] = {
         "p": p_value,
         "number": number,
         "mark": _mark,
-        "file": _name,
         "percent": _percent,
-        "short": lambda text: _short(text, files),
     }
     conditions = summary["conditions"]
     return template("lgp.study", "study.html", filters).render(
@@ -50,6 +54,7 @@ def render(summary: Mapping[str, Any], *, command: str = "") -> str:
         paired=Markup(paired(summary, conditions)),
         source=SOURCE,
         command=command,
+        privacy=WITH_NAMES if names else WITHOUT_NAMES,
     )
 
 
@@ -59,18 +64,6 @@ def _mark(p: float | None) -> str:
 
 def _percent(share: float | None) -> str:
     return "–" if share is None else f"{100 * share:.0f} %"
-
-
-def _name(path: str) -> str:
-    """Name of a file with its folder, which may name the participant; folders of the computer are left out."""
-    return "/".join(PurePath(path.replace("\\", "/")).parts[-2:])
-
-
-def _short(text: str, files: Sequence[str]) -> str:
-    """Text with the full paths of `files` shortened to their names."""
-    for file in sorted(files, key=len, reverse=True):
-        text = text.replace(file, _name(file))
-    return text
 
 
 COLOURS: Final = ("#1f6fa8", "#b4540a", "#7a68b5", "#2e7d4f", "#8c6d1f", "#a33b66")

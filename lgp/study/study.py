@@ -50,12 +50,13 @@ class Study:
     summary: dict[str, Any]
 
     @accepts(LgpError, folder=PATH)
-    def save(self, folder: str | Path, *, command: str = "") -> None:
+    def save(self, folder: str | Path, *, command: str = "", names: bool = False) -> None:
         """Write `summary.json`, `scores.parquet` (one row per recording) and `report.html` into a folder.
 
         Args:
             folder: created if it does not exist.
             command: command line that reproduces the results, shown in the report.
+            names: show labels of participants and folders in the report; tables and summary have them always.
 
         Raises:
             RebaError: a file cannot be written.
@@ -63,22 +64,23 @@ class Study:
 
         def write(part: Path) -> None:
             write_parquet(self.recordings, part / "scores.parquet")
-            self.write_report(part / REPORT, command=command)
+            self.write_report(part / REPORT, command=command, names=names)
             write_text(part / SUMMARY, as_json(self.summary, indent=1) + "\n")
 
         write_folder(folder, write, last=SUMMARY)
 
-    def write_report(self, path: str | Path, *, command: str = "") -> None:
+    def write_report(self, path: str | Path, *, command: str = "", names: bool = False) -> None:
         """Write the report as one HTML file.
 
         Args:
             command: command line that reproduces the results, shown in the report.
+            names: show labels of participants and folders; they are left out by default.
 
         Raises:
             RebaError: the file cannot be written.
         """
         check_outputs(FileOutput(path))
-        html = render(self.summary, command=command)
+        html = render(self.summary, command=command, names=names)
         write_atomic(Path(path), lambda part: write_text(part, html))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reba.analysis.contributions import GROUPS, PARTS, lowered
 from reba.analysis.score_table import ScoreTable
-from reba.analysis.wording import both, seconds
+from reba.analysis.wording import both, moment, seconds
 from reba.arrays import Array
 from reba.errors import join_names
 from reba.method.classes import AngleClasses, angle_classes
@@ -108,7 +108,7 @@ def _share(share: float) -> str:
 
 def _moment(time: float, total: float) -> str:
     """Return a time as players show it, the second that has begun; tenths in a short recording."""
-    return f"{time:.1f} s" if total < 10 else f"{int(time)} s" if time < 120 else seconds(time)
+    return f"{int(time)} s" if total >= 10 and time < 120 else moment(time)
 
 
 def _causes(scores: ScoreTable, weights: Array, low: NDArray[np.int64]) -> tuple[list[str], list[str], int]:

@@ -16,6 +16,18 @@ def seconds(value: float) -> str:
     return f"{int(value) // 3600} h {int(value) // 60 % 60:02d} min"
 
 
+def moment(time: float) -> str:
+    """Return a time of a recording: "28.8 s", from two minutes on "37 min 52 s", "2 h 12 min 03 s".
+
+    >>> moment(103.4), moment(7923.9)
+    ('103.4 s', '2 h 12 min 03 s')
+    """
+    if time < 120:
+        return f"{time:.1f} s"
+    hours, rest = divmod(int(time), 3600)
+    return (f"{hours} h {rest // 60:02d}" if hours else f"{rest // 60}") + f" min {rest % 60:02d} s"
+
+
 def percent(share: float) -> str:
     """Return a share: "0 %", "<0.1 %", "3.4 %", "38 %", with a space that does not break.
 

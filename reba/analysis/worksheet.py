@@ -126,7 +126,8 @@ def contributions(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
     for line in sheet.lines:
         extra = (line.points or 0) - line.least
         if extra > 0 and not (silent and line.part.endswith(f"_{silent}")):
-            points.append((-extra, f"{line.what} {line.value} ({line.rule}): +{extra}"))
+            rule = line.rule.replace(" (", ", ").replace(")", "")
+            points.append((-extra, f"{line.what} {line.value} ({rule}): +{extra}"))
     return [text for _, text in sorted(points, key=lambda item: item[0])[:most]]
 
 

@@ -7,6 +7,7 @@ neutral place as grey dashes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -58,6 +59,8 @@ VIEWS: Final[tuple[tuple[str, float], ...]] = (
 """Title of each view and how far the person is turned towards the viewer [deg]."""
 _HEIGHT, _WIDTH, _SCALE = 236.0, 180.0, 165.0
 # One scale for all views and postures: arms stretched above the head and in front of a bent trunk fit.
+_ROOM: Final = 14.0
+"""Above the highest joint, for marks; what is empty above it is cut off."""
 
 
 @dataclass(frozen=True)
@@ -145,22 +148,30 @@ def _leg(side: str, outward: float, knee: float, sitting: bool) -> dict[str, Arr
     return {f"hip_{side}": hip, f"knee_{side}": low, f"ankle_{side}": ankle, f"toe_{side}": toe}
 
 
-def stick_figure(angles: Array, marks: dict[str, Mark], label: str, sitting: bool = False) -> str:
-    """Return one SVG with all views of a posture (22,) [deg], NaN = not measured.
+def stick_figure(
+    angles: Array,
+    marks: dict[str, Mark],
+    label: str,
+    sitting: bool = False,
+    views: Sequence[tuple[str, float]] = VIEWS,
+) -> str:
+    """Return one SVG with views of a posture (22,) [deg], NaN = not measured.
 
     Args:
         marks: part score column -> what to show at its joints.
         label: text for people who cannot see it.
+        views: title of each and how far the person is turned towards the viewer [deg].
     """
     place = joints(angles, sitting)
-    width = _WIDTH * len(VIEWS)
+    width = _WIDTH * len(views)
+    heights = [point[1] for point in place.values()]
+    highest = max(*heights, place["head"][1] + LENGTHS["head"] / 2)
+    top = max(_HEIGHT - 8 - (highest - min(heights)) * _SCALE - _ROOM, 0.0)
     drawn = [f'<g transform="translate({i * _WIDTH:g} 0)">{_view(place, angles, marks, title, turn, sitting)}</g>'
-             for i, (title, turn) in enumerate(VIEWS)]  # fmt: skip
-    return (
-        f'<svg class="figure" viewBox="0 0 {width:g} {_HEIGHT + 20:g}" role="img" aria-label="{as_markup(label)}">'
-        + "".join(drawn)
-        + "</svg>"
-    )
+             for i, (title, turn) in enumerate(views)]  # fmt: skip
+    box = f"0 {top:.1f} {width:g} {_HEIGHT + 20 - top:.1f}"
+    opening = f'<svg class="figure" viewBox="{box}" role="img" aria-label="{as_markup(label)}">'
+    return f"{opening}{''.join(drawn)}</svg>"
 
 
 def _view(

@@ -14,16 +14,16 @@ from pathlib import Path
 from reba.analysis.score_table import SCORES, ScoreTable
 from reba.checks import PATH, from_home, shown
 from reba.errors import RebaError
+from reba.file_names import file_name, text_without_folders
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
 from reba.report.page import Form, page
 from reba.report.pdf import print_pdf
+from reba.report.pictures import NONE, Pictures, statement
 from reba.report.privacy import (
     WITH_NAMES,
     WITHOUT_NAMES,
     command_without_names,
-    file_name,
-    text_without_folders,
     without_names,
 )
 
@@ -40,12 +40,14 @@ def render(
     form: Form = BLANK,
     failed: Sequence[tuple[str, str]] = (),
     names: bool = False,
+    pictures: Sequence[Pictures] = (),
 ) -> str:
     """Return the report on one recording or several as HTML text; `command` is the command line that reproduces it.
 
     Args:
         failed: path and error of recordings that could not be scored; they are listed.
         names: show the names that recordings give to people, marker sets and streams, and paths.
+        pictures: of a camera, for each recording; () for none.
 
     Raises:
         RebaError: no recording was given.
@@ -53,11 +55,13 @@ def render(
     recordings = [scores] if isinstance(scores, ScoreTable) else list(scores)
     if not recordings:
         raise RebaError("a report needs at least one scored recording; none was given")
+    pictures = pictures or [NONE] * len(recordings)
     if names:
-        return page(recordings, command, form, failed, WITH_NAMES)
+        return page(recordings, command, form, failed, f"{WITH_NAMES} {statement(pictures)}", pictures)
     hidden = [without_names(each) for each in recordings]
     listed = [(file_name(path), text_without_folders(error, path)) for path, error in failed]
-    return page(hidden, command_without_names(command, recordings), form, listed, WITHOUT_NAMES)
+    command = command_without_names(command, recordings, {topic for one in pictures for topic in one.topics})
+    return page(hidden, command, form, listed, f"{WITHOUT_NAMES} {statement(pictures)}", pictures)
 
 
 def write_report(
@@ -70,6 +74,7 @@ def write_report(
     date: str = "",
     failed: Sequence[tuple[str, str]] = (),
     names: bool = False,
+    pictures: Pictures | Sequence[Pictures] = (),
 ) -> None:
     """Write the report as one HTML file, or as PDF if the path ends so; it appears only when it is complete.
 
@@ -83,6 +88,7 @@ def write_report(
         failed: path and error of recordings that could not be scored; they are listed.
         names: show the names that recordings give to people, marker sets and streams, and paths; they are left out by
             default. The name of the file is shown, whatever it says.
+        pictures: of a camera, from `reba.camera_pictures`, for each recording; there are none by default.
 
     Raises:
         RebaError: no recording was given, the file cannot be written, it is a recording, or no browser prints the PDF.
@@ -105,9 +111,14 @@ def write_report(
         raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
     if not PATH.fits(path):
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
+    shots = [pictures] if isinstance(pictures, Pictures) else list(pictures)
+    if len(shots) not in (0, len(several)) or not all(isinstance(one, Pictures) for one in shots):
+        expected = "what reba.camera_pictures returns, for each recording"
+        raise RebaError(f"write_report: pictures is {shown(pictures)}; expected {expected}")
     path = from_home(path)
     check_outputs(FileOutput(path), inputs=[path for each in several for path in each.postures.inputs])
-    html = render(several, command=command, form=Form(str(task), str(assessor), str(date)), failed=failed, names=names)
+    html = render(several, command=command, form=Form(str(task), str(assessor), str(date)), failed=failed, names=names,
+                  pictures=shots)  # fmt: skip
     if Path(path).suffix.lower() == ".pdf":
         write_atomic(Path(path), lambda part: print_pdf(html, part))
     else:

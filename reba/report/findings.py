@@ -12,7 +12,7 @@ from reba.analysis.wording import percent, seconds, span
 from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF, PART_MAXIMA
 from reba.posture.columns import SIDES
-from reba.posture.skeleton import SPOTS, Mark, stick_figure
+from reba.posture.skeleton import SPOTS, VIEWS, Mark, stick_figure
 from reba.report.labels import PARTS, action, body_parts, risk
 from reba.report.summary import RecordingSummary
 
@@ -172,7 +172,7 @@ class WorstInterval:
         reba: score or range of the frame, with its action `levels` at both ends and the name of its `risk`.
         why: angles and factors with the most points.
         likely: what the measurement error implies for the frame, "" without one.
-        svg: drawing of the posture.
+        svg: drawing of the posture; `printed` has two larger views for the first printed page.
     """
 
     number: int
@@ -187,6 +187,7 @@ class WorstInterval:
     why: tuple[str, ...]
     likely: str
     svg: str
+    printed: str
 
 
 def worst_intervals(record: RecordingSummary) -> list[WorstInterval]:
@@ -215,6 +216,7 @@ def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, A
         why=why,
         likely=_likely(interval.get("distribution")),
         svg=stick_figure(scores.angles[frame], _marks(record, frame), label, sitting),
+        printed=stick_figure(scores.angles[frame], _marks(record, frame), label, sitting, (VIEWS[0], VIEWS[-1])),
     )
 
 

@@ -12,6 +12,14 @@
     explorers[root.dataset.recording] = explorer;
   }
   window.explorers = explorers;
+  const longest = Math.max(...Object.values(explorers).map(({ time, until }) => until[until.length - 1] - time[0]));
+  for (const canvas of document.querySelectorAll("canvas.shared")) {
+    const explorer = explorers[canvas.dataset.recording];
+    if (!explorer) continue;
+    canvas.hidden = false;
+    canvas.previousElementSibling.classList.add("replaced");
+    explorer.shared = { canvas, length: longest };
+  }
 
   const follow = () => {
     const [, recording, time] = location.hash.match(/^#(r\d+)-at-([\d.-]+)$/) || [];
@@ -48,7 +56,11 @@
     });
     bar.replaceChildren(...segments);
     const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 8;
-    const cells = (share) => `${(share * seconds).toFixed(1)} s (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
+    const lasting = (time) => {
+      const whole = Math.floor(time);
+      return time < 60 ? `${time.toFixed(1)} s` : `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
+    };
+    const cells = (share) => `${lasting(share * seconds)} (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
     const show = () => {
       const choice = inputs.map((input) => Number(input.value));
       inputs.forEach((input, k) => {

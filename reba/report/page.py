@@ -24,6 +24,7 @@ from reba.report.error_section import error_section
 from reba.report.explorer import cursor_frames, explorer, skeleton
 from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, PARTS, SOURCES, TEXT_ON
+from reba.report.pictures import Pictures
 from reba.report.plots import level_bands, time_label, time_svg
 from reba.report.sections import (
     activity_rows,
@@ -50,6 +51,8 @@ ERROR_LABEL: Final = "Most likely REBA over time, in the range that holds REBA w
 """Text alternative of the plot under measurement error."""
 SCRIPTS: Final = ("figure.js", "timeline.js", "page.js")
 """What makes a report of recordings with frames interactive, in this order."""
+PRINTED: Final = 3
+"""Worst postures on the first printed page."""
 MIN_LENGTH_RATIO: Final = 0.2
 """Shortest recording as a share of the longest up to which all time axes have equal length; below, the short plot
 would be too narrow to read."""
@@ -65,14 +68,20 @@ class Form:
 
 
 def page(
-    scores: Sequence[ScoreTable], command: str, form: Form, failed: Sequence[tuple[str, str]] = (), privacy: str = ""
+    scores: Sequence[ScoreTable],
+    command: str,
+    form: Form,
+    failed: Sequence[tuple[str, str]],
+    privacy: str,
+    pictures: Sequence[Pictures],
 ) -> str:
     """Return the report as HTML text.
 
     Args:
         command: command line to show, "" for none.
         failed: name and error of recordings that could not be scored.
-        privacy: what the page says about names in it.
+        privacy: what the page says about names and pictures in it.
+        pictures: of a camera, for each recording.
     """
     from markupsafe import Markup
 
@@ -82,6 +91,7 @@ def page(
     spans = [max(lengths) if same_axis else length for length in lengths]
     filters: dict[str, Callable[..., str]] = {
         "seconds": wording.seconds,
+        "moment": wording.moment,
         "percent": wording.percent,
         "breakable": lambda name: Markup(as_markup(name).replace("_", "_<wbr>")),
     }
@@ -92,7 +102,8 @@ def page(
             for number, (name, _) in enumerate(ACTION_LEVELS)
         ],
         sections=[
-            _section(i + 1, *one, len(records), max(lengths)) for i, one in enumerate(zip(records, spans, strict=True))
+            _section(i + 1, *one, len(records), max(lengths))
+            for i, one in enumerate(zip(records, pictures, spans, strict=True))
         ],
         explorer_model=_json(explorer_model()),
         same_axis=same_axis,
@@ -127,7 +138,9 @@ def _json(data: Any) -> Any:
     return Markup(as_script_data(as_json(data)))
 
 
-def _section(number: int, record: RecordingSummary, span: float, recordings: int, longest: float) -> dict[str, Any]:
+def _section(
+    number: int, record: RecordingSummary, pictures: Pictures, span: float, recordings: int, longest: float
+) -> dict[str, Any]:
     """Return the template variables of one recording; `span` and `longest` [s]: its time axis, and that of all."""
     from markupsafe import Markup
 
@@ -144,6 +157,7 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
         "views": VIEWS,
         "level_rows": _level_rows(record),
         "intervals": [(one, Markup(one.svg)) for one in intervals],
+        "printed": [(one, Markup(one.printed)) for one in intervals[:PRINTED]],
         "parts": part_shares(record),
         "contributions": part_contributions(record),
         "angles": angle_rows(record),
@@ -158,9 +172,10 @@ def _section(number: int, record: RecordingSummary, span: float, recordings: int
         "error": error_section(record),
         "part_titles": PARTS,
         "shared_svg": "",
+        "pictures": pictures,
     }
     if record.frames:
-        data = explorer(record, intervals, span, recordings)
+        data = {**explorer(record, intervals, span, recordings), "pictures": pictures.packed()}
         table = what_if(record.scores, record.weights)
         section |= {
             "advice": advise(record.scores),

@@ -208,6 +208,8 @@ def _short(seconds: Array) -> Array:
 
 _LEFT, _RIGHT, _UP, _DOWN = 30.0, 832.0, 22.0, 272.0
 """Edges of the plot area in the SVG [px of its view box]."""
+_NUMBER: Final = 18.0
+"""[px of the view box] Numbers of intervals stand at least so far apart."""
 _BUCKETS: Final = 800
 """Parts of the time axis in print: one per pixel of the plot area."""
 _BOTTOM: Final = 0.5
@@ -260,8 +262,10 @@ def time_svg(
         parts.append(f'<text class="level" x="{_RIGHT + 6:g}" y="{middle + 4:.1f}">{name}</text>')
     for score in (*ACTION_LEVEL_FROM, 15):
         parts.append(f'<text class="tick" x="{_LEFT - 6:g}" y="{float(y(np.array(score))) + 4:.1f}">{score}</text>')
-    for one in intervals:
-        at = float(x(np.array(one.time)))
+    free = 0.0
+    for one in sorted(intervals, key=lambda interval: interval.time):
+        at = max(float(x(np.array(one.time))), free)
+        free = at + _NUMBER
         parts.append(f'<rect class="number" x="{at - 8:.1f}" y="3" width="16" height="16" rx="3"/>')
         parts.append(f'<text class="number" x="{at:.1f}" y="15.5">{one.number}</text>')
     for tick in _ticks(start, end):

@@ -10,26 +10,25 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import Any, Final
 
 from reba.analysis.score_table import ScoreTable
+from reba.file_names import file_name, word_without_folder
 from reba.posture.table import PostureTable
 
 KEPT: Final = {"joints", "frames", "points", "angles", "segments", "table", "markers", "bones", "motion"}
 """Names of streams that are words of the readers' own texts, and tell nothing of a person."""
 WITHOUT_NAMES: Final = (
     "Privacy: this page contains angles, scores, times and the names of files. Names that a recording gives to people, "
-    "bodies, marker sets and streams are replaced, folders left out, and there are no images. A name that is part of "
-    "the name of a file, or that was typed as task or assessor, is shown. The page is complete in one file and has no "
-    "network access."
+    "bodies, marker sets and streams are replaced, and folders left out. A name that is part of the name of a file, or "
+    "that was typed as task or assessor, is shown. The page is complete in one file and has no network access."
 )
 WITH_NAMES: Final = (
     "Privacy: this page contains angles, scores, times and, as was asked for, names that recordings give to people, "
-    "bodies, marker sets and streams, and paths. It contains no images, is complete in one file and has no network "
-    "access."
+    "bodies, marker sets and streams, and paths. It is complete in one file and has no network access."
 )
 
 
@@ -75,34 +74,21 @@ def without_names(scores: ScoreTable) -> ScoreTable:
     )
 
 
-def command_without_names(command: str, recordings: Sequence[ScoreTable]) -> str:
-    """Return a command line with paths cut to their last part, and the names of the recordings replaced."""
+def command_without_names(command: str, recordings: Sequence[ScoreTable], cameras: Collection[str] = ()) -> str:
+    """Return a command line with paths cut to their last part, and the names of the recordings replaced.
+
+    >>> command_without_names("reba score /data/a.mcap --camera /ann/front", [], ["/ann/front"])
+    "reba score a.mcap --camera '[camera]'"
+    """
     try:
         words = shlex.split(command)
     except ValueError:  # a text that no shell wrote
         return ""
+    words = ["[camera]" if word in cameras else word for word in words]
+    words = ["--camera=[camera]" if word.removeprefix("--camera=") in cameras else word for word in words]
     for one in recordings:
         words = [_hider(one.postures)(word) for word in words]
-    return shlex.join(_without_folder(word) for word in words)
-
-
-def text_without_folders(text: str, path: str) -> str:
-    """Return a message about a file without the folder of that file.
-
-    >>> text_without_folders("/data/ann/a.csv: no column 'time'", "/data/ann/a.csv")
-    "a.csv: no column 'time'"
-    """
-    return text.replace(path, file_name(path))
-
-
-def _without_folder(word: str) -> str:
-    option, equals, value = word.partition("=") if word.startswith("-") else ("", "", word)
-    return f"{option}{equals}{file_name(value)}" if "/" in value or "\\" in value else word
-
-
-def file_name(path: str) -> str:
-    """Return the last part of a path of any system."""
-    return PurePath(path.replace("\\", "/")).name or path
+    return shlex.join(word_without_folder(word) for word in words)
 
 
 def _hider(postures: PostureTable) -> Callable[[Any], str]:

@@ -24,6 +24,8 @@ const Timeline = (() => {
       this.angles = data.angles.map((angle) => ({ ...angle, values: unpack.shorts(angle.values) }));
       this.sitting = unpack.small(data.sitting);
       this.activity = unpack.small(data.activity);
+      this.pictures = data.pictures;
+      this.camera = root.querySelector(".camera.at-cursor");
       this.shown = [...this.full];
       this.total = "reba";
       this.degrees = 45;
@@ -161,11 +163,27 @@ const Timeline = (() => {
       requestAnimationFrame(() => {
         this.waiting = false;
         this.drawScores();
+        if (this.shared) this.drawShared();
         this.drawParts();
         this.drawAngles();
         this.drawFigure();
+        this.showPicture();
         this.say();
       });
+    }
+
+    // Shows the picture of the camera that is nearest to the cursor, and says how far from it.
+    showPicture() {
+      if (!this.camera || !this.pictures) return;
+      const { times, pictures, pixelated } = this.pictures, now = this.time[this.at];
+      let nearest = 0;
+      times.forEach((time, k) => { if (Math.abs(time - now) < Math.abs(times[nearest] - now)) nearest = k; });
+      const image = this.camera.querySelector("img"), after = times[nearest] - now;
+      if (image.dataset.shown !== String(nearest)) image.src = pictures[nearest];
+      image.dataset.shown = String(nearest);
+      image.alt = `Picture of the camera at ${times[nearest].toFixed(1)} s${pixelated ? ", pixelated" : ""}`;
+      const when = Math.abs(after) < 0.005 ? "at the cursor" : `${Math.abs(after).toFixed(2)} s ${after > 0 ? "after" : "before"} the cursor`;
+      this.camera.querySelector("figcaption").textContent = `Camera ${when}${pixelated ? ", pixelated" : ""}.`;
     }
 
     // Draws a line of values in the shown interval: steps if they `hold`; `value` is null where there is none.
@@ -199,20 +217,29 @@ const Timeline = (() => {
       return area;
     }
 
-    gapsAndCursor({ pen, width, height, ink }, bottom = 0) {
+    gapsAndCursor({ pen, width, height, ink }, bottom = 0, top = 0) {
       pen.fillStyle = "rgba(110, 118, 130, 0.3)";
       for (const [a, b] of this.gaps) pen.fillRect(this.x(a, width), 0, Math.max(this.x(b, width) - this.x(a, width), 1), height - bottom);
       const now = this.x(this.time[this.at], width);
       pen.strokeStyle = ink;
       pen.lineWidth = 1.5;
       pen.beginPath();
-      pen.moveTo(now, 0);
+      pen.moveTo(now, top);
       pen.lineTo(now, height - bottom);
       pen.stroke();
     }
 
-    drawScores() {
-      const area = this.frame(this.scoresCanvas), { pen, width, height, ink } = area;
+    // Draws REBA on the axis that the recordings of a comparison share.
+    drawShared() {
+      const own = this.shown;
+      const { length } = this.shared, [start] = this.time;
+      this.shown = [start - 0.01 * length, start + 1.01 * length];
+      this.drawScores(this.shared.canvas);
+      this.shown = own;
+    }
+
+    drawScores(canvas = this.scoresCanvas) {
+      const area = this.frame(canvas), { pen, width, height, ink } = area;
       const top = 20, bottom = height - 26;
       const y = (score) => bottom - ((score - 0.5) / 15.1) * (bottom - top);
       pen.textAlign = "right";
@@ -257,7 +284,7 @@ const Timeline = (() => {
         pen.font = "700 12px system-ui, sans-serif";
         pen.fillText(String(number), middle, 13.5);
       }
-      this.gapsAndCursor(area, 26);
+      this.gapsAndCursor(area, 26, 18);
       pen.restore();
     }
 

@@ -17,16 +17,16 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 from mcap.records import Channel, Schema
-from numpy.typing import NDArray
 
-from reba.arrays import Indices
+from reba.arrays import Array, Indices
 from reba.errors import ReadError
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
 from reba.posture.table import PostureTable
 from reba.provenance import generator
-from reba.readers.mcap import gathered, is_mcap, open_files
+from reba.readers.mcap import is_mcap, open_files
 from reba.readers.mcap.container import Container
+from reba.readers.mcap.frame_times import Times, frame_times, own_times
 from reba.readers.mcap.records import LATEST
 from reba.readers.recording.stream import ReadLog
 from reba.writers.json_messages import json_rows, schema_of
@@ -34,7 +34,6 @@ from reba.writers.mcap_copy import McapCopy, free_id
 from reba.writers.mcap_file import McapFile, message
 from reba.writers.ros_messages import ENCODINGS, NAMES, ROS1, ROS2, definition, ros_rows
 
-Times = tuple[NDArray[np.int64], NDArray[np.int64]]
 JSON: Final = ("json", "jsonschema")
 """Encoding of messages and of their schema."""
 TOPICS: Final = {"scores": "/ergonomics/reba", "postures": "/ergonomics/posture"}
@@ -73,11 +72,13 @@ def write_mcap(
     copied = kind == "scores" and postures.topic != "" and source.exists() and is_mcap(source)
     guard: AbstractContextManager[None] = unchanged(source) if copied else nullcontext()
     with guard, path.open("wb") as stream:
-        copy, times = None, _own_times(data, postures)
+        time = data["time"].to_numpy(np.float64)
+        own = own_times(time, postures.epoch)
+        copy, times = None, own
         if copied:
             if postures.quality.sha256 and postures.quality.sha256 != sha256_of(source):
                 raise ReadError(source, "changed after it was read", hint=TRY_AGAIN)
-            copy, times = _open_copy(source, postures, times)
+            copy, times = _open_copy(source, postures, time)
         profile = copy.profile if copy is not None else ""
         if as_ros and not profile and (copy is None or copy.is_cdr):
             profile = ROS2
@@ -85,7 +86,7 @@ def write_mcap(
         encoding = "" if not as_ros else ROS1 if profile == ROS1 else ROS2
         number = _define(file, data, kind, copy, encoding)
         order = np.argsort(times[0], kind="stable")
-        texts = ros_rows(data, order, _own_times(data, postures)[0], encoding) if as_ros else json_rows(data, order)
+        texts = ros_rows(data, order, own[0], encoding) if as_ros else json_rows(data, order)
         rows = Rows(file, number, order, times, texts)
         if copy is not None:
             copy.write(file, rows.until)
@@ -135,21 +136,10 @@ def _text(value: Any) -> str:
     return text.encode(errors="backslashreplace").decode()
 
 
-def _own_times(data: pd.DataFrame, postures: PostureTable) -> Times:
-    """Return (n,) log and publish times [ns] by the time of the table."""
-    time = round(postures.epoch * 1e9) + np.rint(data["time"].to_numpy(np.float64) * 1e9).astype(np.int64)
-    return time, time
-
-
-def _open_copy(source: Path, postures: PostureTable, times: Times) -> tuple[McapCopy, Times]:
+def _open_copy(source: Path, postures: PostureTable, time: Array) -> tuple[McapCopy, Times]:
     """Return what is copied of a recording, and (n,) log and publish times [ns] of the frames in it."""
     files = open_files(source, ReadLog())
-    recording = gathered(source, [channel for _, channels in files for channel in channels], ReadLog())
-    for stream in recording.streams:
-        if stream.name == postures.topic and stream.logged is not None:
-            rows = postures.data["time"].to_numpy(np.float64) + (postures.epoch - stream.epoch)
-            times = stream.logged(rows, frozenset(postures.signals))
-            break
+    times = frame_times(files, postures, time)
     return McapCopy([file for file, _ in files if isinstance(file, Container)]), times
 
 

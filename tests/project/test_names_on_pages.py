@@ -119,7 +119,7 @@ def study_report(folder: Path) -> Path:
     study.summary["failed"] = [{"input": FILE, "error": MARKUP, "label": MARKUP}]
     study.summary["notes"] = {FILE: [MARKUP]}
     path = folder / "study.html"
-    study.write_report(path, command=MARKUP)
+    study.write_report(path, command=MARKUP, names=True)
     return path
 
 

@@ -64,6 +64,7 @@ READ = {
 }
 GOOD: dict[str, dict[str, Any]] = {
     "reba.angle_table": {"data": POSES.angles},
+    "reba.camera_pictures": {"scores": SCORES, "look": "pixelated", "topic": ""},
     "reba.compare": {"a": SCORES, "b": SCORES},
     "reba.info": {"path": RECORDING},
     "reba.read": READ,

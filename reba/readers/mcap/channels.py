@@ -116,17 +116,20 @@ def classify(container: Store, channel: Channel) -> DecodableChannel | Unused:
     if not container.counts[channel.id]:
         return unused("no messages")
     try:
-        walk, form, note = _walker(container, channel, schema, meaning)
+        walk, form, note = walker(container, channel, schema, meaning.fixed)
     except ros.BadSchema as error:
         return unused(f"its schema cannot be used: {error}")
     make = partial(_column_decoder, walk, meaning)
     return _part(container, channel, shown, meaning, f"{form} {shown}", make, note)
 
 
-def _walker(
-    container: Store, channel: Channel, schema: Schema, meaning: Meaning
+def walker(
+    container: Store, channel: Channel, schema: Schema, fixed: frozenset[str]
 ) -> tuple[Callable[[bytes], Walked], str, str]:
     """Return the function that walks a message, the name of the encoding, and a note on the definition.
+
+    Args:
+        fixed: fields whose value belongs to the layout of a message.
 
     Raises:
         BadSchema: the encoding is unknown or the schema is damaged.
@@ -134,7 +137,7 @@ def _walker(
     encodings = (channel.encoding, schema.encoding)
     text = schema.data.decode(errors="replace")
     if channel.encoding in _ROS and not text.strip():
-        walk = _standard(container, channel, schema, meaning)
+        walk = _standard(container, channel, schema, fixed)
         note = f"{channel.topic}: the recording does not define {schema.name}; its standard definition is used"
         return walk, f"{_ROS[channel.encoding]} ({channel.encoding.upper()}, standard definition)", note
     if encodings in (("cdr", "ros2msg"), ("ros1", "ros1msg")):
@@ -142,13 +145,13 @@ def _walker(
     elif encodings in (("cdr", "ros2idl"), ("cdr", "omgidl")):
         root = idl.parse(text, schema.name)
     elif encodings == ("protobuf", "protobuf"):
-        return partial(_walk_protobuf, protobuf.parse(schema.data), schema.name, meaning), "protobuf", ""
+        return partial(_walk_protobuf, protobuf.parse(schema.data), schema.name, fixed), "protobuf", ""
     else:
         raise ros.BadSchema(
             f"messages in {channel.encoding!r} by a schema in {schema.encoding!r} are not read; record CDR with "
             "ros2msg or ros2idl, ROS 1, protobuf or JSON"
         )
-    return partial(_walk_ros, root, channel.encoding == "ros1", meaning), _form(channel, schema), ""
+    return partial(_walk_ros, root, channel.encoding == "ros1", fixed), _form(channel, schema), ""
 
 
 def _column_decoder(walk: Callable[[bytes], Walked], meaning: Meaning, wanted: frozenset[str] | None) -> ColumnDecoder:
@@ -164,7 +167,7 @@ def _form(channel: Channel, schema: Schema) -> str:
     return f"{_ROS[channel.encoding]} ({channel.encoding.upper()}{by})"
 
 
-def _standard(container: Store, channel: Channel, schema: Schema, meaning: Meaning) -> Callable[[bytes], Walked]:
+def _standard(container: Store, channel: Channel, schema: Schema, fixed: frozenset[str]) -> Callable[[bytes], Walked]:
     """Return the function that walks messages by the standard definition of their type that fits the first of them.
 
     Raises:
@@ -172,7 +175,7 @@ def _standard(container: Store, channel: Channel, schema: Schema, meaning: Meani
     """
     ros1 = channel.encoding == "ros1"
     walkers = [
-        partial(_walk_ros, ros.parse(text, schema.name, ros1=ros1), ros1, meaning)
+        partial(_walk_ros, ros.parse(text, schema.name, ros1=ros1), ros1, fixed)
         for text in standard_definitions(type_key(schema.name), ros1=ros1)
     ]
     if not walkers:
@@ -187,12 +190,12 @@ def _standard(container: Store, channel: Channel, schema: Schema, meaning: Meani
     return walkers[0]
 
 
-def _walk_ros(root: ros.Struct, ros1: bool, meaning: Meaning, message: bytes) -> Walked:
-    return ros.walk(root, message, meaning.fixed, ros1=ros1)
+def _walk_ros(root: ros.Struct, ros1: bool, fixed: frozenset[str], message: bytes) -> Walked:
+    return ros.walk(root, message, fixed, ros1=ros1)
 
 
-def _walk_protobuf(types: protobuf.Types, name: str, meaning: Meaning, message: bytes) -> Walked:
-    return protobuf.walk(types, name, message, meaning.fixed)
+def _walk_protobuf(types: protobuf.Types, name: str, fixed: frozenset[str], message: bytes) -> Walked:
+    return protobuf.walk(types, name, message, fixed)
 
 
 def _classify_json(

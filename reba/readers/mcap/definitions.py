@@ -48,6 +48,7 @@ _TYPES: Final[Mapping[str, str]] = {
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "tf/tfMessage": "geometry_msgs/TransformStamped[] transforms",
     "geometry_msgs/TransformStamped": _PARTS["geometry_msgs/TransformStamped"],
+    "sensor_msgs/CompressedImage": _PARTS["sensor_msgs/CompressedImage"],
     "geometry_msgs/PoseArray": "std_msgs/Header header\ngeometry_msgs/Pose[] poses",
     "visualization_msgs/Marker": _MARKER,
     "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",

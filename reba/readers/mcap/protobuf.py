@@ -14,7 +14,7 @@ from reba.readers.mcap.layout import VARINT, FieldSpan, Tree, Undecodable, Walke
 from reba.readers.mcap.ros import BadSchema
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
-_DOUBLE, _FLOAT, _STRING, _MESSAGE = 1, 2, 9, 11
+_DOUBLE, _FLOAT, _STRING, _MESSAGE, _DATA = 1, 2, 9, 11, 12
 _REPEATED: Final = 3
 _NUMBERS: Final = {_DOUBLE: ("<f8", _FIXED64), _FLOAT: ("<f4", _FIXED32)}
 _DESCRIPTOR: Final = {
@@ -209,6 +209,8 @@ def _leaf(field: Field, piece: _WireField, message: bytes, texts: Collection[str
             return message[piece.at : piece.stop].decode()
         except UnicodeDecodeError as error:
             raise Undecodable(f"byte {piece.at}: {field.name} is not UTF-8 text") from error
+    if field.type == _DATA and piece.wire == _BYTES:
+        return FieldSpan(piece.at, "<u1", piece.stop - piece.at, False)
     code, wire = _NUMBERS.get(field.type, (VARINT, _VARINT))
     if piece.wire == wire:
         return FieldSpan(piece.at, code, piece.stop - piece.at if wire == _VARINT else 1)

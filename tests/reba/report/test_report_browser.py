@@ -55,6 +55,8 @@ def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, repor
     for name in ("scores", "parts", "angles", "figure"):
         assert inked(browser, f"canvas.{name}") > 200, name
     assert visible(browser, ".still") == 0
+    assert visible(browser, "canvas.shared") == 2, "the comparison fits the screen"
+    assert inked(browser, "canvas.shared") > 200
     assert too_wide(browser) <= 0
     entries = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
     assert entries == []
@@ -197,8 +199,9 @@ def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Pat
 def test_prints_as_pages(browser: Any, report: Path) -> None:
     show(browser, report, 1280)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert visible(browser, ".still svg") == 2
+    assert visible(browser, ".over-time .still svg") == 2
     assert visible(browser, ".comparison svg") == 2
+    assert visible(browser, "canvas") == 0
     assert visible(browser, ".explorer, .what-if") == 0
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert 4 <= pages_on_paper(browser) <= 30
