@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from dreba.surrogates.base import Surrogate
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published
+from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published, with_error
 from reba.terminal import Console, Text
 
 
@@ -70,8 +70,8 @@ def show_enabler(console: Console, enabler: Mapping[str, Any]) -> None:
         table.add_column(Text(heading, keep="\n"), justify="right", no_wrap=True)
     for row in enabler["rows"]:
         table.add_row(
-            row["name"], row["start"], _with_error(row["reba"], row["standard_error"], ""),
-            _with_error(row["difference"], row["difference_standard_error"], "+"), f"{row['infeasible']:.0%}",
+            row["name"], row["start"], with_error(row["reba"], row["standard_error"]),
+            with_error(row["difference"], row["difference_standard_error"], "+"), f"{row['infeasible']:.0%}",
             f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}",
         )  # fmt: skip
     console.print(table)
@@ -79,10 +79,14 @@ def show_enabler(console: Console, enabler: Mapping[str, Any]) -> None:
         f"all rows: {enabler['solver']}; standard errors over tasks; least true REBA: {known['proved']:.2f} proved, "
         f"{known['reached']:.2f} reached, certified for {known['tasks']} of {enabler['tasks']} tasks"
     )
-
-
-def _with_error(value: float, error: float | None, sign: str) -> str:
-    return f"{value:{sign}.2f}" + ("" if error is None else f" ({error:.2f})")
+    if enabler["recommended"]:
+        best = enabler["recommended"]
+        console.print(
+            Text(
+                f"recommended here: {best['name']} (mean REBA {best['reba']:.2f} over both starts; fewest evaluations "
+                f"of those within a standard error of the lowest)"
+            )
+        )
 
 
 def _published(score: int) -> str:

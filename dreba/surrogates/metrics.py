@@ -108,3 +108,13 @@ def _spearman(predicted: Array, true: NDArray[np.int64]) -> float:
     centred = [rank - rank.mean() for rank in ranks]
     dispersion = float(np.sqrt((centred[0] @ centred[0]) * (centred[1] @ centred[1])))
     return float(centred[0] @ centred[1]) / dispersion if dispersion else float("nan")
+
+
+def with_error(value: float, error: float | None, sign: str = "") -> str:
+    """Return a mean with its standard error in brackets, where there is one.
+
+    Example:
+        >>> with_error(-0.163, 0.07, "+"), with_error(2.0, None)
+        ('-0.16 (0.07)', '2.00')
+    """
+    return f"{value:{sign}.2f}" + ("" if error is None else f" ({error:.2f})")
