@@ -187,10 +187,14 @@ limits. The mean rise with a factor is over 2,000 poses balanced over REBA 1 to 
 def as_text(card: Mapping[str, Any]) -> str:
     """Return the card as Markdown."""
     least, rmse = card["minimum"], card["rmse"]
-    names = {column: angle.name for angle in ANGLES for column in angle.columns}
-    moved: dict[str, str] = {}
-    for column, degrees in least["angles"].items():
-        moved[f"{names[column]} {degrees:.0f}"] = ""
+    degrees = {column: f"{angle:.0f}" for column, angle in least["angles"].items()}
+    moved = []
+    for angle in ANGLES:
+        sides = {column: degrees[column] for column in angle.columns if column in degrees}
+        alike = len(sides) == len(angle.columns) and len(set(sides.values())) == 1
+        if alike:
+            sides = {angle.name: degrees[angle.columns[0]]}
+        moved += [f"{name} {at}" for name, at in sides.items()]
     above = {part: score for part, score in least["parts"].items() if score > 1}
     parts = (
         ", ".join(f"{part} {score}" for part, score in above.items()) if above else "every part has its lowest score"

@@ -25,6 +25,7 @@ from reba.method.rules import LOAD_EDGES
 from reba.posture.columns import COLUMNS, INDEX
 from reba.provenance import generator
 
+_UNUSED: Final = "        (void)second;\n"
 HESSIANS: Final = ("exact", "gauss-newton")
 """Second derivatives that an export may have."""
 
@@ -181,7 +182,7 @@ def _soft(model: SoftModel, temperature: float | None, hessian: str | None) -> d
         "no_factor": ", NULL",
         "curvature": CURVATURE if hessian == "exact" else "",
         "parts_kept": PARTS_KEPT if hessian == "gauss-newton" else "",
-        "second_derivatives": {"exact": EXACT, "gauss-newton": GAUSS_NEWTON}.get(str(hessian), "        (void)second;\n"),
+        "second_derivatives": {"exact": EXACT, "gauss-newton": GAUSS_NEWTON}.get(hessian or "", _UNUSED),
     }
 
 

@@ -58,7 +58,8 @@ EXACT: Final = f"""\
                     for (int k = 0; k < 9; ++k)
                         for (int m = 0; m < 9; ++m) sum += slopes[k][c] * by_parts[k][m] * slopes[m][e];
                     for (int k = 0; k < 4; ++k)
-                        sum -= overlap[k] * part[paired[k]] * (by[4 + k][c] * by[8 + k][e] + by[8 + k][c] * by[4 + k][e]);
+                        sum -= overlap[k] * part[paired[k]]
+                            * (by[4 + k][c] * by[8 + k][e] + by[8 + k][c] * by[4 + k][e]);
                     second[c * $d + e] = sum;
                 }}
             for (int c = 0; c < 2; ++c)

@@ -76,6 +76,18 @@ def test_columns_without_a_lower_bound_are_named_with_their_direction() -> None:
     assert "upper_arm_abduction_left below 0" in as_text(card)
 
 
+def test_sides_with_different_angles_are_named() -> None:
+    card = {**shipped("quadratic")}
+    angles = {"trunk_flexion": -4.0, "wrist_flexion_left": 3.4, "wrist_flexion_right": 2.6, "knee_flexion_right": 5.0}
+    card["minimum"] = {
+        **card["minimum"],
+        "angles": {**angles, "upper_arm_flexion_left": -5.0, "upper_arm_flexion_right": -6.0},
+    }
+    text = as_text(card)
+    assert "at trunk_flexion -4, knee_flexion_right 5, upper_arm_flexion_left -5, upper_arm_flexion_right -6, " in text
+    assert " -6, wrist_flexion 3 degrees, else at rest" in text
+
+
 def test_the_minimum_of_the_soft_tables_is_lower_than_any_drawn_pose() -> None:
     model = dreba.load("soft")
     lowest = model.value(minimum_in(model, dreba.domain_of("human")))
