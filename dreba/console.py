@@ -9,7 +9,14 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from dreba.surrogates.base import Surrogate
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published, with_error
+from dreba.surrogates.metrics import (
+    PUBLISHED,
+    PUBLISHED_OVERALL,
+    Evaluation,
+    distance_to_published,
+    published_overall,
+    with_error,
+)
 from reba.terminal import Console, Text
 
 
@@ -20,7 +27,8 @@ def show_evaluation(console: Console, name: str, evaluation: Evaluation, model: 
         table.add_column(heading, justify="right")
     for score, error in evaluation.classes.items():
         table.add_row(str(score), f"{error.n:,}", f"{error.rmse:.2f}", f"{error.bias:+.2f}", _published(score))
-    table.add_row("all", f"{evaluation.n:,}", f"{evaluation.rmse:.2f}", "", f"{PUBLISHED_OVERALL:.2f}", style="bold")
+    published = f"{published_overall(evaluation.classes):.2f}"
+    table.add_row("all", f"{evaluation.n:,}", f"{evaluation.rmse:.2f}", "", published, style="bold")
     console.print(table)
     console.print(Text(f"setting: {model.setting}; factors known: {', '.join(model.factors_) or 'none'}"))
     if set(PUBLISHED) <= set(evaluation.classes):

@@ -16,7 +16,7 @@ from dreba.errors import FactorWarning, ModelError
 from dreba.sampling.classes import true_scores
 from dreba.sampling.sample import sample
 from dreba.surrogates.base import Surrogate
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, with_error
+from dreba.surrogates.metrics import PUBLISHED, published_overall, with_error
 from reba.arrays import Array
 from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, INDEX, SIDES
@@ -165,7 +165,11 @@ def usefulness_table(path: str | Path) -> dict[str, Any]:
         table: dict[str, Any] = json.loads(read_settings(path))["enabler"]
         for name in (table["rows"][0]["model"], *(row["model"] for row in table["rows"])):
             _usefulness(_usefulness_of(table, name), name, len(COLUMNS))  # whatever a card needs is there
-    except (OSError, UnicodeDecodeError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except OSError as error:
+        raise ModelError(
+            f"{path}: cannot be read ({error.strerror or error}); give the output of `dreba compare --json`"
+        ) from error
+    except (UnicodeDecodeError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ModelError(wrong) from error
     return table
 
@@ -235,7 +239,7 @@ def _errors(rmse: Mapping[str, Any]) -> list[str]:
         f"| REBA | {' | '.join(scores)} | all |",
         f"|---|{'---|' * (len(scores) + 1)}",
         f"| RMSE | {own} | {rmse['overall']:.2f} |",
-        f"| Table I | {paper} | {PUBLISHED_OVERALL:.2f} |",
+        f"| Table I | {paper} | {published_overall(map(int, scores)):.2f} |",
     ]
 
 

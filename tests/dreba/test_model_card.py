@@ -99,6 +99,9 @@ def test_models_of_some_columns_have_cards_and_others_are_refused(tmp_path: Path
     some = ("trunk_flexion", "neck_flexion")
     card = model_card(dreba.QuadraticModel(joints=some).fit(poses, poses.reba), "some")
     assert card["joints"] == 2
+    assert "not measured, the reach tasks need all 22 columns" in as_text(card)
+    card["rmse"] = {"classes": {"1": 0.5, "2": 0.6}, "overall": 0.55, "on": "", "domain": "own"}
+    assert "| Table I | 0.72 | 0.91 | 0.82 |" in as_text(card)  # over the same classes
     assert card["command"] == ""
     foreign = dreba.QuadraticModel(free=True, joints=("a", "b")).fit(poses.angles[:, :2], poses.reba)
     with pytest.raises(dreba.ModelError) as error:
@@ -146,6 +149,9 @@ def test_a_table_without_what_a_card_needs_is_refused(key: str, tmp_path: Path) 
         with pytest.raises(dreba.ModelError) as error:
             usefulness_table(tmp_path / "compared.json")
         says(error, "compared.json", "dreba compare --json")
+    with pytest.raises(dreba.ModelError) as error:
+        usefulness_table(tmp_path / "none.json")
+    says(error, "none.json", "cannot be read", "dreba compare --json")
 
 
 def test_every_card_of_the_page_has_rows_of_usefulness_or_the_reason_why_not() -> None:
