@@ -87,7 +87,7 @@ def enable(
 
 
 def _recommended(methods: Sequence[Method], results: Mapping[tuple[Starts, str], ReachResult]) -> dict[str, Any]:
-    """Return the method with the fewest evaluations of those whose mean score is within a standard error of the best."""
+    """Return the method of the fewest evaluations of those whose mean is within a standard error of the best."""
     scores = {
         method.full_name: np.mean([results[start, method.full_name].by_task for start in STARTS], axis=0)
         for method in methods
