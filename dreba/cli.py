@@ -308,12 +308,12 @@ def card(names: tuple[str, ...], usefulness: str | None, output: str | None, as_
 
     Without MODEL: all shipped models.
     """
-    from dreba.model_card import model_card, page, usefulness_rows
+    from dreba.model_card import model_card, page, usefulness_table
     from dreba.surrogates.library import load, models
     from dreba.surrogates.serialization import write
 
-    rows = [] if usefulness is None else usefulness_rows(usefulness)
-    cards = [model_card(load(name), name, rows) for name in names or models()]
+    table = None if usefulness is None else usefulness_table(usefulness)
+    cards = [model_card(load(name), name, table) for name in names or models()]
     text = page(cards)
     if output is not None:
         write(output, text)

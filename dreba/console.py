@@ -9,7 +9,14 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from dreba.surrogates.base import Surrogate
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published
+from dreba.surrogates.metrics import (
+    PUBLISHED,
+    PUBLISHED_OVERALL,
+    Evaluation,
+    distance_to_published,
+    published_overall,
+    with_error,
+)
 from reba.terminal import Console, Text
 
 
@@ -20,7 +27,8 @@ def show_evaluation(console: Console, name: str, evaluation: Evaluation, model: 
         table.add_column(heading, justify="right")
     for score, error in evaluation.classes.items():
         table.add_row(str(score), f"{error.n:,}", f"{error.rmse:.2f}", f"{error.bias:+.2f}", _published(score))
-    table.add_row("all", f"{evaluation.n:,}", f"{evaluation.rmse:.2f}", "", f"{PUBLISHED_OVERALL:.2f}", style="bold")
+    published = f"{published_overall(evaluation.classes):.2f}"
+    table.add_row("all", f"{evaluation.n:,}", f"{evaluation.rmse:.2f}", "", published, style="bold")
     console.print(table)
     console.print(Text(f"setting: {model.setting}; factors known: {', '.join(model.factors_) or 'none'}"))
     if set(PUBLISHED) <= set(evaluation.classes):
@@ -70,8 +78,8 @@ def show_enabler(console: Console, enabler: Mapping[str, Any]) -> None:
         table.add_column(Text(heading, keep="\n"), justify="right", no_wrap=True)
     for row in enabler["rows"]:
         table.add_row(
-            row["name"], row["start"], _with_error(row["reba"], row["standard_error"], ""),
-            _with_error(row["difference"], row["difference_standard_error"], "+"), f"{row['infeasible']:.0%}",
+            row["name"], row["start"], with_error(row["reba"], row["standard_error"]),
+            with_error(row["difference"], row["difference_standard_error"], "+"), f"{row['infeasible']:.0%}",
             f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}",
         )  # fmt: skip
     console.print(table)
@@ -79,10 +87,14 @@ def show_enabler(console: Console, enabler: Mapping[str, Any]) -> None:
         f"all rows: {enabler['solver']}; standard errors over tasks; least true REBA: {known['proved']:.2f} proved, "
         f"{known['reached']:.2f} reached, certified for {known['tasks']} of {enabler['tasks']} tasks"
     )
-
-
-def _with_error(value: float, error: float | None, sign: str) -> str:
-    return f"{value:{sign}.2f}" + ("" if error is None else f" ({error:.2f})")
+    if enabler["recommended"]:
+        best = enabler["recommended"]
+        console.print(
+            Text(
+                f"recommended here: {best['name']} (mean REBA {best['reba']:.2f} over both starts; fewest evaluations "
+                f"of those within a standard error of the lowest)"
+            )
+        )
 
 
 def _published(score: int) -> str:

@@ -16,7 +16,7 @@ from dreba.errors import FactorWarning, ModelError
 from dreba.sampling.classes import true_scores
 from dreba.sampling.sample import sample
 from dreba.surrogates.base import Surrogate
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL
+from dreba.surrogates.metrics import PUBLISHED, published_overall, with_error
 from reba.arrays import Array
 from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, INDEX, SIDES
@@ -41,13 +41,13 @@ POSES: Final = 2000
 PARTS: Final = (*GROUP_A, *(f"{part}_{side}" for part in GROUP_B for side in SIDES))
 
 
-def model_card(model: Surrogate, name: str, usefulness: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
+def model_card(model: Surrogate, name: str, usefulness: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return the card of a model as plain data.
 
     Args:
         model: fitted, on columns of the posture table.
         name: of the model, also in `usefulness`.
-        usefulness: rows of the table of usefulness of `dreba compare --json`; those of this name are kept.
+        usefulness: table of `dreba.evaluation.usefulness.enable`; the rows of the model of this name are kept.
 
     Raises:
         ModelError: the model has a column that is not in the posture table.
@@ -83,7 +83,7 @@ def model_card(model: Surrogate, name: str, usefulness: Sequence[Mapping[str, An
             "on": origin.get("rmse_on", ""),
             "domain": domain.name,
         },
-        "usefulness": [dict(row) for row in usefulness if row.get("name") == name],
+        "usefulness": None if usefulness is None else _usefulness_of(usefulness, name),
     }
 
 
@@ -152,14 +152,26 @@ def rises(model: Surrogate) -> dict[str, dict[str, float]]:
     return out
 
 
-def usefulness_rows(path: str | Path) -> list[dict[str, Any]]:
-    """Return the rows of usefulness of a file of `dreba compare --json`; ModelError for another file."""
+def _usefulness_of(table: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the rows of one model of a table of usefulness, and the conditions of the table."""
+    rows = [dict(row) for row in table["rows"] if row["model"] == name]
+    return {key: table[key] for key in ("space", "tasks", "solver", "certified")} | {"rows": rows}
+
+
+def usefulness_table(path: str | Path) -> dict[str, Any]:
+    """Return the table of usefulness of a file of `dreba compare --json`; ModelError for another file."""
+    wrong = f"{path}: has no table of usefulness; give the output of `dreba compare --json` with reach tasks"
     try:
-        rows = json.loads(read_settings(path))["enabler"]
-        rows = rows["rows"] if isinstance(rows, dict) else rows
-        return [{"name": row.get("model"), **row} for row in rows]
-    except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise ModelError(f"{path}: has no table of usefulness; give the output of `dreba compare --json`") from error
+        table: dict[str, Any] = json.loads(read_settings(path))["enabler"]
+        for name in (table["rows"][0]["model"], *(row["model"] for row in table["rows"])):
+            _usefulness(_usefulness_of(table, name), name, len(COLUMNS))  # whatever a card needs is there
+    except OSError as error:
+        raise ModelError(
+            f"{path}: cannot be read ({error.strerror or error}); give the output of `dreba compare --json`"
+        ) from error
+    except (UnicodeDecodeError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise ModelError(wrong) from error
+    return table
 
 
 def page(cards: Sequence[Mapping[str, Any]]) -> str:
@@ -179,10 +191,14 @@ limits. The mean rise with a factor is over 2,000 poses balanced over REBA 1 to 
 def as_text(card: Mapping[str, Any]) -> str:
     """Return the card as Markdown."""
     least, rmse = card["minimum"], card["rmse"]
-    names = {column: angle.name for angle in ANGLES for column in angle.columns}
-    moved: dict[str, str] = {}
-    for column, degrees in least["angles"].items():
-        moved[f"{names[column]} {degrees:.0f}"] = ""
+    degrees = {column: f"{angle:.0f}" for column, angle in least["angles"].items()}
+    moved = []
+    for angle in ANGLES:
+        sides = {column: degrees[column] for column in angle.columns if column in degrees}
+        alike = len(sides) == len(angle.columns) and len(set(sides.values())) == 1
+        if alike:
+            sides = {angle.name: degrees[angle.columns[0]]}
+        moved += [f"{name} {at}" for name, at in sides.items()]
     above = {part: score for part, score in least["parts"].items() if score > 1}
     parts = (
         ", ".join(f"{part} {score}" for part, score in above.items()) if above else "every part has its lowest score"
@@ -206,7 +222,7 @@ def as_text(card: Mapping[str, Any]) -> str:
         "",
         *_errors(rmse),
         "",
-        *_usefulness(card["usefulness"], card["name"]),
+        *_usefulness(card["usefulness"], card["name"], card["joints"]),
     ]
     return "".join(f"{printable(line)}\n" for line in lines)
 
@@ -223,18 +239,32 @@ def _errors(rmse: Mapping[str, Any]) -> list[str]:
         f"| REBA | {' | '.join(scores)} | all |",
         f"|---|{'---|' * (len(scores) + 1)}",
         f"| RMSE | {own} | {rmse['overall']:.2f} |",
-        f"| Table I | {paper} | {PUBLISHED_OVERALL:.2f} |",
+        f"| Table I | {paper} | {published_overall(map(int, scores)):.2f} |",
     ]
 
 
-def _usefulness(rows: Sequence[Mapping[str, Any]], name: str) -> list[str]:
-    if not rows:
+def _usefulness(table: Mapping[str, Any] | None, name: str, joints: int) -> list[str]:
+    if joints < len(COLUMNS):
+        return [f"Usefulness as a cost: not measured, the reach tasks need all {len(COLUMNS)} columns."]
+    if table is None:
         return [f"Usefulness as a cost: `dreba compare {name}` measures it."]
-    keys = [key for key in rows[0] if key != "name"]
-    body = ["| " + " | ".join(_cell(row.get(key)) for key in keys) + " |" for row in rows]
-    head = ["| " + " | ".join(key.replace("_", " ") for key in keys) + " |", "|" + "---|" * len(keys)]
-    return ["Usefulness as a cost (`dreba compare`):", "", *head, *body]
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else "-" if value is None else str(value)
+    if not table["rows"]:
+        return [f"Usefulness as a cost: not in the table that was given; `dreba compare {name}` measures it."]
+    known = table["certified"]
+    lines = [
+        f"Usefulness as a cost (`dreba compare --tasks {table['space']}:{table['tasks']}`): true REBA of the postures "
+        f"reached on {table['tasks']} tasks from two starts of each kind, standard errors in brackets; its difference "
+        f"to a cost that knows no REBA, the distance to rest; and to the least that is possible, {known['proved']:.2f} "
+        f"proved, certified for {known['tasks']} tasks. {table['solver']}.",
+        "",
+        "| minimised | start | true REBA | to the distance | to the least | out of reach | evaluations |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in table["rows"]:
+        cells = [
+            row["name"].replace("|", "\\|"), row["start"], with_error(row["reba"], row["standard_error"]),
+            with_error(row["difference"], row["difference_standard_error"], "+"),
+            f"{row['reba'] - row['certified']:+.2f}", f"{row['infeasible']:.1%}", f"{row['evaluations']:.0f}",
+        ]  # fmt: skip
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines

@@ -15,7 +15,7 @@ from dreba.evaluation.evaluate import MODEL, POSES, values_on
 from dreba.sampling.classes import true_scores
 from dreba.sampling.poses import Poses
 from dreba.surrogates.base import Surrogate
-from dreba.surrogates.metrics import PUBLISHED, PUBLISHED_OVERALL, Evaluation, distance_to_published, evaluation_of
+from dreba.surrogates.metrics import PUBLISHED, Evaluation, distance_to_published, evaluation_of, published_overall
 from dreba.surrogates.quadratic import QuadraticModel
 from reba.arrays import Array
 from reba.checks import PATH, accepts
@@ -93,7 +93,7 @@ def render(
         model=model,
         evaluation=evaluation,
         published=PUBLISHED,
-        published_overall=PUBLISHED_OVERALL,
+        published_overall=published_overall(evaluation.classes),
         distance=distance_to_published(evaluation) if set(PUBLISHED) <= set(evaluation.classes) else None,
         domain=domain,
         options=[(key, str(value)) for key, value in model.get_params(deep=False).items()],

@@ -35,6 +35,7 @@ ergonomics = casadi.Function.deserialize(Path("cost.casadi").read_text())
 STEPS, SECONDS, LOAD = 20, 0.1, 6.0
 TARGET = np.array([0.55, 0.25])
 LOW, HIGH = np.radians([-20.0, -40.0, 5.0]), np.radians([90.0, 150.0, 140.0])
+GUESS = [10.0, 40.0, 60.0]
 
 
 def hand(q):
@@ -63,7 +64,7 @@ for k in range(STEPS):
 opti.subject_to(hand(q[:, STEPS]) == TARGET)
 opti.subject_to(v[:, STEPS] == 0)
 opti.minimize(total)
-opti.set_initial(q, np.radians([[10.0], [40.0], [60.0]]) @ np.ones((1, STEPS + 1)))
+opti.set_initial(q, np.radians(GUESS)[:, None] @ np.ones((1, STEPS + 1)))
 opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
 found = np.degrees(opti.solve().value(q))
 
@@ -88,9 +89,16 @@ else:
     ocp.model, ocp.cost.cost_type = own, "EXTERNAL"
     ocp.solver_options.N_horizon, ocp.solver_options.tf = STEPS, STEPS * SECONDS
     ocp.solver_options.nlp_solver_type, ocp.solver_options.integrator_type = "SQP", "ERK"
+    ocp.solver_options.hessian_approx, ocp.solver_options.regularize_method = "EXACT", "PROJECT"
+    ocp.solver_options.globalization = "MERIT_BACKTRACKING"  # the curvature of hinges jumps, full steps would cycle
     ocp.constraints.x0 = np.concatenate([np.radians([0.0, 0.0, 10.0]), np.zeros(3)])
     ocp.constraints.idxbx, ocp.constraints.lbx, ocp.constraints.ubx = np.arange(3), LOW, HIGH
+    # At the end the joints are within their limits, at rest, and the hand is at its place.
+    ocp.constraints.idxbx_e = np.arange(6)
+    ocp.constraints.lbx_e, ocp.constraints.ubx_e = (np.concatenate([ends, np.zeros(3)]) for ends in (LOW, HIGH))
     ocp.constraints.lh_e = ocp.constraints.uh_e = TARGET
     solver = AcadosOcpSolver(ocp)
+    for k in range(STEPS + 1):
+        solver.set(k, "x", np.concatenate([np.radians(GUESS), np.zeros(3)]))
     status = solver.solve()
     print("acados: status", status, "joints at the end [deg]", np.degrees(solver.get(STEPS, "x")[:3]).round().tolist())

@@ -7,7 +7,7 @@ free start, stages, the polish) is part of its name.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Final
 
@@ -57,6 +57,7 @@ class Method:
 
     Attributes:
         name: row of tables; the additions follow it.
+        model: name of the model in it, empty for a cost without REBA.
         free_start: see `staged_minimiser.minimise`.
         polished: whether `polish` is the last step, within the same budget.
     """
@@ -65,6 +66,7 @@ class Method:
     objectives: Sequence[Objective]
     free_start: bool = False
     polished: bool = False
+    model: str = ""
 
     @property
     def full_name(self) -> str:
@@ -85,7 +87,8 @@ def one_stage(model: Surrogate, name: str = "", temperature: float | None = None
         name: row of tables, the kind by default.
         temperature: [deg] of a model with temperatures; None for its default.
     """
-    return Method(name or model.kind, [_objective(model, temperature)])
+    label = name or model.kind
+    return Method(label, [_objective(model, temperature)], model=label)
 
 
 def graduated(model: Surrogate, name: str = "") -> Method:
@@ -108,7 +111,8 @@ def graduated(model: Surrogate, name: str = "") -> Method:
     sharper = [t for t in model.temperatures_ if t <= BLUNTEST] or [min(model.temperatures_)]
     stages = [with_distance(_objective(model, temperature)) for temperature in sharper]
     label = name or model.kind
-    return Method(label if label == "graduated" else f"{label}, graduated", [distance_to_rest, *stages])
+    full = label if label == "graduated" else f"{label}, graduated"
+    return Method(full, [distance_to_rest, *stages], model=label)
 
 
 def methods_of(models: dict[str, Surrogate]) -> list[Method]:
@@ -124,9 +128,9 @@ def methods_of(models: dict[str, Surrogate]) -> list[Method]:
         rows.append(one_stage(model, name))
         if model.temperatures_:
             rows.append(graduated(model, name))
-    every = [Method(row.name, row.objectives, free) for row in rows for free in (False, True)]
+    every = [replace(row, free_start=free) for row in rows for free in (False, True)]
     polished = [
-        Method(row.name, row.objectives, True, True) for row in rows if row is DISTANCE or len(row.objectives) > 1
+        replace(row, free_start=True, polished=True) for row in rows if row is DISTANCE or len(row.objectives) > 1
     ]
     return [*every, *polished]
 

@@ -50,11 +50,13 @@ def enable(
 
     Returns:
         "space", "tasks", "solver", "certified" (tasks whose least true REBA is proved, and the means of what is proved
-        and of what is known), "left_out" (models) and "rows", one for each method and kind of start: "name", "start",
-        "solver", "reba" (mean; a run that misses its targets counts 12), "standard_error", "difference" (to the
-        distance to rest with the same start and free start) and "difference_standard_error", "certified" (the mean
-        proved minimum), "share_best" (runs with the lowest known score of the task), "infeasible", "evaluations" and
-        "seconds".
+        and of what is known), "left_out" (models), "recommended" and "rows", one for each method and kind of start:
+        "name", "model" (empty for a cost without REBA), "start", "solver", "reba" (mean; a run that misses its targets
+        counts 12), "standard_error", "difference" (to the distance to rest with the same start and free start) and
+        "difference_standard_error", "certified" (the mean proved minimum), "share_best" (runs with the lowest known
+        score of the task), "infeasible", "evaluations" and "seconds". "recommended" has the "name" of the row with the
+        fewest evaluations among those that, over both kinds of start, are within a standard error of the lowest mean
+        (the one-standard-error rule, paired by task; at least two tasks), else None.
 
     Raises:
         ModelError: more tasks than are stored, none stored for the seed, or the process of a row died.
@@ -79,8 +81,23 @@ def enable(
             "reached": float(np.mean([task.reached for task in chosen])),
         },
         "left_out": [name for name in models if name not in usable],
+        "recommended": _recommended(methods, results) if tasks > 1 else None,
         "rows": [_row(start, method, results, chosen) for start in STARTS for method in methods],
     }
+
+
+def _recommended(methods: Sequence[Method], results: Mapping[tuple[Starts, str], ReachResult]) -> dict[str, Any]:
+    """Return the method of the fewest evaluations of those whose mean is within a standard error of the best."""
+    scores = {
+        method.full_name: np.mean([results[start, method.full_name].by_task for start in STARTS], axis=0)
+        for method in methods
+    }
+    evaluations = {name: float(np.mean([results[start, name].evaluations for start in STARTS])) for name in scores}
+    least = scores[min(scores, key=lambda name: (scores[name].mean(), evaluations[name]))]
+    behind = {name: reach.mean_and_error(scores[name] - least) for name in scores}
+    near = [name for name, (difference, error) in behind.items() if difference <= error]
+    chosen = min(near, key=evaluations.__getitem__)
+    return {"name": chosen, "reba": float(scores[chosen].mean()), "evaluations": evaluations[chosen]}
 
 
 def _row(
@@ -93,6 +110,7 @@ def _row(
     best = np.array([task.reached for task in tasks])
     return {
         "name": method.full_name,
+        "model": method.model,
         "start": start,
         "solver": SOLVER,
         "reba": mean,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from dreba.export import c_templates as templates
-from dreba.export.c_soft_template import GAUSS_NEWTON, PARTS_KEPT, SOFT
+from dreba.export.c_soft_template import CURVATURE, EXACT, GAUSS_NEWTON, PARTS_KEPT, SOFT
 from dreba.export.joint_map import JointMap
 from dreba.surrogates import soft_tables
 from dreba.surrogates.base import Surrogate
@@ -25,6 +25,7 @@ from reba.method.rules import LOAD_EDGES
 from reba.posture.columns import COLUMNS, INDEX
 from reba.provenance import generator
 
+_UNUSED: Final = "        (void)second;\n"
 HESSIANS: Final = ("exact", "gauss-newton")
 """Second derivatives that an export may have."""
 
@@ -40,7 +41,7 @@ def c_source(
     """Return the C source of `double NAME(angles, load, coupling, activity, gradient)`, and of `NAME_hessian`.
 
     Raises:
-        ModelError: the kind cannot be exported, soft tables do not have all 22 columns, or an exact Hessian of theirs.
+        ModelError: the kind cannot be exported, or soft tables do not have all 22 columns.
     """
     soft = model.soft_ if isinstance(model, GraduatedModel) else model
     if isinstance(model, QuadraticModel):
@@ -59,9 +60,8 @@ def c_source(
     parts = [templates.HEAD, body, curvature if hessian else "", templates.VALID, plain]
     parts += [second if hessian else "", templates.FOOT]
     common = _common(model, name, joint_map, hessian) | fields
-    common["fill"] = Template(templates.DIAGONAL if curvature else templates.SQUARED).substitute(
-        name=name, d=common["d"]
-    )
+    dense = templates.DIRECT if hessian == "exact" else templates.SQUARED
+    common["fill"] = Template(templates.DIAGONAL if curvature else dense).substitute(name=name, d=common["d"])
     return Template(_filled(_filled("".join(parts), common), common)).substitute(common)
 
 
@@ -75,7 +75,7 @@ def c_header(
 
 def _filled(text: str, fields: dict[str, Any]) -> str:
     """Return a template in which the fields that are templates themselves are put in."""
-    nested = ("interface", "prototypes", "payload", "parts_kept", "gauss_newton")
+    nested = ("interface", "prototypes", "payload", "curvature", "parts_kept", "second_derivatives")
     return Template(text).safe_substitute({key: fields[key] for key in nested if key in fields})
 
 
@@ -162,8 +162,6 @@ def _soft(model: SoftModel, temperature: float | None, hessian: str | None) -> d
         raise ModelError(
             f"soft tables of {count} columns cannot be exported; fit on all 22, in the order of reba.COLUMNS"
         )
-    if hessian == "exact":
-        raise ModelError("soft tables have no exact Hessian in C; use gauss-newton, or the target casadi")
     tables = model.tables(temperature)
     return {
         "what": f"soft REBA tables at {tables.temperature:g} deg",
@@ -182,8 +180,9 @@ def _soft(model: SoftModel, temperature: float | None, hessian: str | None) -> d
         "side_width": repr(soft_tables.SIDE_WIDTH * tables.temperature),
         "residual": repr(RESIDUAL_OFFSET),
         "no_factor": ", NULL",
-        "parts_kept": PARTS_KEPT if hessian else "",
-        "gauss_newton": GAUSS_NEWTON if hessian else "        (void)factor;\n",
+        "curvature": CURVATURE if hessian == "exact" else "",
+        "parts_kept": PARTS_KEPT if hessian == "gauss-newton" else "",
+        "second_derivatives": {"exact": EXACT, "gauss-newton": GAUSS_NEWTON}.get(hessian or "", _UNUSED),
     }
 
 

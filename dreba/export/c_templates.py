@@ -207,6 +207,8 @@ DIAGONAL: Final = """
     ${name}_curvature(angles, diagonal);
     for (int i = 0; i < $d * $d; ++i) full[i] = 0.0;
     for (int i = 0; i < $d; ++i) full[i * $d + i] = diagonal[i];"""
+DIRECT: Final = """
+    ${name}_at(angles, load, coupling, activity, NULL, full);"""
 SQUARED: Final = """
     double factor[9 * $d];
     ${name}_at(angles, load, coupling, activity, NULL, factor);

@@ -13,7 +13,7 @@ from dreba.errors import ModelError
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.open_file import read_settings
-from reba.posture.columns import COLUMNS, COLUMNS_OF
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
 from reba.posture.named_angles import LARGEST
 from reba.readers.recording.profile import read_columns
 from reba.toml_table import TomlTable
@@ -46,7 +46,7 @@ def read_map(path: str | Path, columns: tuple[str, ...]) -> JointMap:
 
     Keys: `joints`, the names in the order of the caller; `unit`, "rad" (default) or "deg"; `[columns]`, the joints of
     each column with their signs and degrees to add, as in a profile (`wrist_twist = ["+{side}_elbow_Y", -90]`);
-    `[hold]`, degrees of the columns that no joint moves.
+    `[hold]`, degrees of the columns that no joint moves, or `hold = "neutral"`: elbows at 80 degrees, all others at 0.
 
     Raises:
         ModelError: the file cannot be read, a name is unknown, or a column of the model is neither moved nor held.
@@ -66,7 +66,11 @@ def read_map(path: str | Path, columns: tuple[str, ...]) -> JointMap:
         joints = table.names("joints")
         unit = table.text("unit", "rad", choices=UNITS)
         terms = read_columns(table, "columns")
-        held = {column: angle for name, angle in table.numbers("hold").items() for column in _columns(name, str(path))}
+        if isinstance(table.values.get("hold"), str):
+            table.text("hold", choices=["neutral"])
+            held = {column: BEST[column] for column in columns if column in BEST and column not in terms}
+        else:
+            held = {name: angle for each, angle in table.numbers("hold").items() for name in _columns(each, str(path))}
         table.done()
     except ModelError:
         raise
@@ -76,13 +80,16 @@ def read_map(path: str | Path, columns: tuple[str, ...]) -> JointMap:
         raise ModelError(f"{path}: cannot be read as a map of joints ({error}); give a TOML file") from error
     if not joints or len(set(joints)) != len(joints):
         raise ModelError(f"{path}: joints are {list(joints)[:8]}; expected each name once, at least one")
+    absent = [column for column in columns if column not in terms and column not in held]
+    if absent:
+        raise ModelError(
+            f"{path}: neither in [columns] nor in [hold]: {', '.join(absent)}; every angle of the model needs joints "
+            f'or a degree to hold, or write hold = "neutral" before the tables'
+        )
     matrix, offset = np.zeros((len(columns), len(joints))), np.zeros(len(columns))
     for row, column in enumerate(columns):
-        if (column in terms) == (column in held):
-            what = (
-                "in [columns] and in [hold]; leave out one" if column in held else "neither in [columns] nor in [hold]"
-            )
-            raise ModelError(f"{path}: {column} is {what}; every angle of the model needs joints or a degree to hold")
+        if column in terms and column in held:
+            raise ModelError(f"{path}: {column} is in [columns] and in [hold]; leave out one")
         offset[row] = held.get(column, 0.0)
         if abs(offset[row]) > LARGEST:
             raise ModelError(f"{path}: {column} is held at {offset[row]:g}; expected degrees up to {LARGEST:g}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -108,3 +109,24 @@ def _spearman(predicted: Array, true: NDArray[np.int64]) -> float:
     centred = [rank - rank.mean() for rank in ranks]
     dispersion = float(np.sqrt((centred[0] @ centred[0]) * (centred[1] @ centred[1])))
     return float(centred[0] @ centred[1]) / dispersion if dispersion else float("nan")
+
+
+def published_overall(scores: Iterable[int]) -> float:
+    """Return the overall RMSE of the published model over the REBA classes of these that Table I has, NaN if none.
+
+    Example:
+        >>> published_overall(range(1, 11)) - PUBLISHED_OVERALL < 0.005, round(published_overall([1, 2]), 2)
+        (True, 0.82)
+    """
+    squares = [PUBLISHED[score] ** 2 for score in scores if score in PUBLISHED]
+    return float(np.sqrt(np.mean(squares))) if squares else float("nan")
+
+
+def with_error(value: float, error: float | None, sign: str = "") -> str:
+    """Return a mean with its standard error in brackets, where there is one.
+
+    Example:
+        >>> with_error(-0.163, 0.07, "+"), with_error(2.0, None)
+        ('-0.16 (0.07)', '2.00')
+    """
+    return f"{value:{sign}.2f}" + ("" if error is None else f" ({error:.2f})")

@@ -154,11 +154,13 @@ def test_compare_and_export(run: Run, model: Path, tmp_path: Path) -> None:
     found = json.loads(out)
     assert found["published"]["8"] == 2.18
     assert found["models"][0]["seconds_per_pose"].keys() == {"single", "batch"}
-    code, out, _ = run("compare", model, "-n", 500, "--tasks", 1)
-    assert code == 0
-    words = " ".join(out.split())
-    assert "published Table I" in words
-    assert "true REBA reached" in words
+    for tasks, advised in ((1, False), (2, True)):  # one task has no standard error
+        code, out, _ = run("compare", model, "-n", 500, "--tasks", tasks)
+        assert code == 0
+        words = " ".join(out.split())
+        assert "published Table I" in words
+        assert "true REBA reached" in words
+        assert ("recommended here: " in words) == advised
     code, out, _ = run("compare", model, "-n", 500, "--tasks", "bench:2", "--json")
     assert code == 0
     enabler = json.loads(out)["enabler"]

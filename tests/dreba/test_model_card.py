@@ -15,7 +15,7 @@ import pytest
 import dreba
 import reba
 from dreba.cli import main
-from dreba.model_card import as_text, falling_columns, minimum_in, model_card, page, usefulness_rows
+from dreba.model_card import as_text, falling_columns, minimum_in, model_card, page, usefulness_table
 from reba.posture.columns import COLUMNS, INDEX
 from tests.support.paths import ROOT
 from tests.support.says import says
@@ -76,6 +76,18 @@ def test_columns_without_a_lower_bound_are_named_with_their_direction() -> None:
     assert "upper_arm_abduction_left below 0" in as_text(card)
 
 
+def test_sides_with_different_angles_are_named() -> None:
+    card = {**shipped("quadratic")}
+    angles = {"trunk_flexion": -4.0, "wrist_flexion_left": 3.4, "wrist_flexion_right": 2.6, "knee_flexion_right": 5.0}
+    card["minimum"] = {
+        **card["minimum"],
+        "angles": {**angles, "upper_arm_flexion_left": -5.0, "upper_arm_flexion_right": -6.0},
+    }
+    text = as_text(card)
+    assert "at trunk_flexion -4, knee_flexion_right 5, upper_arm_flexion_left -5, upper_arm_flexion_right -6, " in text
+    assert " -6, wrist_flexion 3 degrees, else at rest" in text
+
+
 def test_the_minimum_of_the_soft_tables_is_lower_than_any_drawn_pose() -> None:
     model = dreba.load("soft")
     lowest = model.value(minimum_in(model, dreba.domain_of("human")))
@@ -87,6 +99,9 @@ def test_models_of_some_columns_have_cards_and_others_are_refused(tmp_path: Path
     some = ("trunk_flexion", "neck_flexion")
     card = model_card(dreba.QuadraticModel(joints=some).fit(poses, poses.reba), "some")
     assert card["joints"] == 2
+    assert "not measured, the reach tasks need all 22 columns" in as_text(card)
+    card["rmse"] = {"classes": {"1": 0.5, "2": 0.6}, "overall": 0.55, "on": "", "domain": "own"}
+    assert "| Table I | 0.72 | 0.91 | 0.82 |" in as_text(card)  # over the same classes
     assert card["command"] == ""
     foreign = dreba.QuadraticModel(free=True, joints=("a", "b")).fit(poses.angles[:, :2], poses.reba)
     with pytest.raises(dreba.ModelError) as error:
@@ -94,17 +109,68 @@ def test_models_of_some_columns_have_cards_and_others_are_refused(tmp_path: Path
     says(error, "'a'", "reba.COLUMNS")
     (tmp_path / "other.json").write_text("[]")
     with pytest.raises(dreba.ModelError) as error:
-        usefulness_rows(tmp_path / "other.json")
+        usefulness_table(tmp_path / "other.json")
     says(error, "dreba compare --json")
 
 
-def test_rows_of_usefulness_are_those_of_the_model(tmp_path: Path) -> None:
-    rows = [{"name": name, "start": "random", "reba": 1.5, "certified": None} for name in ("convex", "quadratic")]
-    for table in (rows, {"rows": rows}):
+ROW = {
+    "start": "random", "reba": 1.5, "standard_error": 0.1, "difference": -0.25, "difference_standard_error": None,
+    "certified": 1.25, "infeasible": 0.0125, "evaluations": 30.4,
+}  # fmt: skip
+TABLE = {
+    "space": "bench", "tasks": 7, "solver": "SLSQP", "certified": {"tasks": 6, "proved": 1.25},
+    "rows": [
+        {**ROW, "name": "distance to rest", "model": ""},
+        {**ROW, "name": "convex", "model": "convex"},
+        {**ROW, "name": "convex, free start", "model": "convex"},
+        {**ROW, "name": "convex_2", "model": "convex_2"},
+    ],
+}  # fmt: skip
+
+
+def test_rows_of_usefulness_are_those_of_the_model_with_what_was_added(tmp_path: Path) -> None:
+    (tmp_path / "compared.json").write_text(json.dumps({"enabler": TABLE}))
+    table = usefulness_table(tmp_path / "compared.json")
+    text = as_text(model_card(dreba.load("convex"), "convex", table))
+    assert "| convex | random | 1.50 (0.10) | -0.25 | +0.25 | 1.2% | 30 |" in text
+    assert re.findall(r"^\| (convex[^|]*) \| random", text, re.M) == ["convex", "convex, free start"]
+    assert "`dreba compare --tasks bench:7`" in text
+    assert "certified for 6 tasks" in text
+    other = as_text(model_card(dreba.load("quadratic"), "quadratic", table))
+    assert "not in the table that was given; `dreba compare quadratic` measures it" in other
+
+
+@pytest.mark.parametrize("key", ["space", "certified", "rows"])
+def test_a_table_without_what_a_card_needs_is_refused(key: str, tmp_path: Path) -> None:
+    tables = [{name: value for name, value in TABLE.items() if name != key}, {**TABLE, "rows": []}]
+    tables.append({**TABLE, "rows": [{"name": "convex", "model": "convex"}]})
+    for table in tables:
         (tmp_path / "compared.json").write_text(json.dumps({"enabler": table}))
-        card = model_card(dreba.load("convex"), "convex", usefulness_rows(tmp_path / "compared.json"))
-        assert "| random | 1.50 | - |" in as_text(card)
-        assert as_text(card).count("random") == 1
+        with pytest.raises(dreba.ModelError) as error:
+            usefulness_table(tmp_path / "compared.json")
+        says(error, "compared.json", "dreba compare --json")
+    with pytest.raises(dreba.ModelError) as error:
+        usefulness_table(tmp_path / "none.json")
+    says(error, "none.json", "cannot be read", "dreba compare --json")
+
+
+def test_every_card_of_the_page_has_rows_of_usefulness_or_the_reason_why_not() -> None:
+    written = (ROOT / "docs" / "model_cards.md").read_text(encoding="utf-8")
+    cards = dict(re.findall(r"(?ms)^## `(\w+)`\n(.*?)(?=^## |\Z)", written))
+    assert tuple(cards) == dreba.models()
+    lengthy = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    measured = re.search(r"(?ms)^wide, seed 0: .*?(\n\n|```)", lengthy)
+    assert measured is not None
+    for name, card in cards.items():
+        if len(dreba.load(name).joints_) < len(COLUMNS):
+            assert "not measured, the reach tasks need all 22 columns" in card
+            continue
+        rows = re.findall(rf"^\| ({name}(?:, [a-z ]+)*) \| (random|neutral) \| ([\d.]+ \([\d.]+\)) \|", card, re.M)
+        plain = {(f"{name}{added}", start) for added in ("", ", free start") for start in ("random", "neutral")}
+        assert plain <= {(row, start) for row, start, _ in rows}, name
+        for row, start, figures in rows:  # one run, shown on two pages
+            line = re.search(rf"(?m)^{start} +{re.escape(row)}  +(\S+ \(\S+\))", measured[0])
+            assert line is None or line[1] == figures
 
 
 def test_the_page_of_the_shipped_models_is_what_the_command_writes() -> None:

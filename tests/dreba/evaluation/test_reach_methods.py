@@ -78,5 +78,16 @@ def test_rows_of_a_comparison() -> None:
     nulls = [row for row in found["rows"] if row["name"] in ("distance to rest", "distance to rest, free start")]
     assert [row["difference"] for row in nulls] == [0.0] * 4
     assert all(row["certified"] <= row["reba"] for row in found["rows"])
+    assert {row["name"]: row["model"] for row in found["rows"] if "convex" in row["name"]} == {
+        "convex": "convex",
+        "convex, free start": "convex",
+    }
+    assert not any(row["model"] for row in found["rows"] if row["name"].startswith(("distance", "comfort")))
+    advised = found["recommended"]["name"]
+    means = {row["name"]: 0.0 for row in found["rows"]}
+    for row in found["rows"]:
+        means[row["name"]] += row["reba"] / 2.0
+    assert found["recommended"]["reba"] == pytest.approx(means[advised])
+    assert means[advised] <= means["distance to rest"]
     with pytest.raises(dreba.ModelError, match="81 reach tasks"):
         enable({"convex": dreba.load("convex")}, 81)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from functools import cache
 from pathlib import Path
 
@@ -153,6 +154,31 @@ def test_wrong_maps_are_refused_in_one_line(change: tuple[str, str], facts: tupl
     with pytest.raises(dreba.ModelError) as error:
         read_map(path, ("trunk_flexion", "upper_arm_flexion_right", "lower_arm_flexion_right"))
     says(error, "arm.toml", *facts)
+
+
+def test_the_map_of_the_documentation_is_whole(tmp_path: Path) -> None:
+    (written,) = re.findall(
+        r"(?s)```toml\n(unit = .*?)```", (ROOT / "docs" / "surrogates.md").read_text(encoding="utf-8")
+    )
+    (tmp_path / "my_robot.toml").write_text(written)
+    own = read_map(tmp_path / "my_robot.toml", COLUMNS)
+    assert own.offset + own.matrix @ [0.5, 0.1, 0.2] == pytest.approx(
+        [float(np.degrees(0.5)), *([0.0] * 13), *(90.0 - np.degrees([0.1, 0.2])), *([0.0] * 6)]
+    )
+    assert len(own.held) == 19
+    (tmp_path / "arm.toml").write_text(ARM[: ARM.index("[hold]")].replace("joints", 'hold = "neutral"\njoints', 1))
+    assert read_map(tmp_path / "arm.toml", COLUMNS).held["lower_arm_flexion_left"] == 80.0
+    (tmp_path / "arm.toml").write_text(ARM[: ARM.index("[hold]")].replace("joints", 'hold = "rest"\njoints', 1))
+    with pytest.raises(dreba.ModelError) as error:
+        read_map(tmp_path / "arm.toml", COLUMNS)
+    says(error, "arm.toml", "'rest'", "neutral")
+
+
+def test_all_columns_without_joints_or_degrees_are_named_at_once(tmp_path: Path) -> None:
+    (tmp_path / "arm.toml").write_text(ARM)
+    with pytest.raises(dreba.ModelError) as error:
+        read_map(tmp_path / "arm.toml", COLUMNS)
+    says(error, "trunk_side_bend", "wrist_twist_right", 'hold = "neutral"')
 
 
 def test_a_map_that_is_not_there_is_refused(tmp_path: Path) -> None:
