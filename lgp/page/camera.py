@@ -104,7 +104,7 @@ class Subject:
 
 
 def shots(subjects: Sequence[Subject], ahead: float) -> tuple[Shot, ...]:
-    """Return the shot of least cost of each subject; `ahead` [rad] is the direction from the first person to the others.
+    """Return the shot of least cost of each subject; `ahead` [rad] is the direction from the first person to others.
 
     A change of direction has a cost too, so that the view is steady.
     """

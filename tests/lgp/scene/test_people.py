@@ -22,7 +22,7 @@ def test_several_people_have_bodies_of_their_own() -> None:
     assert list(scene.hands) == ["human.right_hand", "anna.right_hand", "bert.left_hand"]
     assert all(hand.human for hand in scene.hands.values())
     world = World(scene)
-    assert [len(world.columns(name)) for name in scene.humans] == [29, 17, 17]
+    assert [len(world.columns(name)) for name in scene.humans] == [29, 18, 18]
     heads = world.at(world.initial_configuration[None], [f"{name}.head" for name in scene.humans]).position[0]
     np.testing.assert_allclose(heads[:, :2], [[0.0, 3.0], [0.0, 0.0], [1.3, 0.0]], atol=0.2)
     assert heads[1, 2] < heads[0, 2] < heads[2, 2]
