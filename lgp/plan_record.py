@@ -116,6 +116,7 @@ class Plan:
         """Mass in the hands of the first person (T,) [kg], 0 without a human."""
         return next((one.carried for one in self.people.values()), np.zeros(len(self.time)))
 
+    @accepts(LgpError, person=TEXT.or_none())
     def reba(self, rules: Rules | str = "measured", *, person: str | None = None) -> ScoreArrays | None:
         """Return the true REBA scores of a person in every slice, None without a plan or a human.
 

@@ -12,8 +12,12 @@ import pytest
 import lgp
 import reba
 from lgp.errors import LgpError
+from lgp.execution.replay import Replay
+from lgp.execution.simulation import SimulatedRobots
+from lgp.kinematics.posture import PostureMap
 from lgp.page.page import score_spans
 from lgp.scene.scene_file import read_scene
+from reba.posture.columns import INDEX
 from tests.support.says import says
 from tests.support.two_people import two_people
 
@@ -117,6 +121,13 @@ def test_the_run_plays_both_and_logs_each(plan: lgp.Plan, tmp_path: Path) -> Non
         reba.read(tmp_path / "run.mcap")
     says(error, "/ergonomics/posture, /ergonomics/bert/posture", "choose one with")
     assert not np.allclose(of_first, of_second, atol=0.5)
+    # Joints of both have the same names: a recording is followed by the topics of each.
+    world = lgp.World(plan.scene)
+    replay = Replay(tmp_path / "run.mcap", world, SimulatedRobots(world, world.initial_configuration, frozenset()))
+    replay.time = replay.seconds
+    q = replay.observe().q[None]
+    for person, recorded in zip(world.scene.humans.values(), (of_first, of_second), strict=True):
+        assert PostureMap(world, person).angles(q)[0, INDEX["trunk_flexion"]] == pytest.approx(recorded[-1], abs=0.1)
 
 
 def test_the_page_has_the_scores_and_the_sentences_of_both(plan: lgp.Plan) -> None:
