@@ -14,7 +14,7 @@ TWO_PEOPLE: dict[str, Any] = {
     "goal": ["placed(rod, table.bert)", "free(bert.left_hand)"],
     "depth": 3,
     "humans": {
-        "anna": {"stature": 1.62, "sex": "female", "locked": ["middle_cervical_*", "left_*"]},
+        "anna": {"stature": 1.62, "sex": "female", "hands": ["right_hand"], "locked": ["middle_cervical_*", "left_*"]},
         "bert": {
             "stature": 1.85,
             "position": [1.3, 0.0],
