@@ -43,7 +43,7 @@ def pddl() -> list[bytes]:
 def write_plan(folder: Path) -> None:
     import tomllib
 
-    from lgp.plan_record import Plan
+    from lgp.plan_record import PersonPostures, Plan
     from lgp.scene.scene_file import read_scene
     from reba.posture.columns import COLUMNS
 
@@ -61,8 +61,7 @@ def write_plan(folder: Path) -> None:
         phase=np.zeros(3, np.intp),
         path=np.zeros((3, 2)),
         variables={"box.x": 0.1},
-        posture=np.full((3, len(COLUMNS)), 5.0),
-        carried=np.zeros(3),
+        people={"human": PersonPostures(np.full((3, len(COLUMNS)), 5.0), np.zeros(3))},
         costs={"total": 1.0, "acceleration": 0.5, "ergonomics": 0.5},
         residuals={"equality": 1e-9, "inequality": 0.0},
         solver={"status": "solved", "iterations": 3},

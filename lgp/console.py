@@ -17,15 +17,17 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         return
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
-    table.add_column("mean REBA", justify="right")
+    people = summary["reba"]["people"]
+    for name in people if len(people) > 1 else ("",):
+        table.add_column(Text(f"mean REBA {name}".rstrip()), justify="right")
     durations = summary["durations"]
     differ = max(durations) - min(durations) > 1e-6
     if differ:
         table.add_column("seconds", justify="right")
-    scores = summary["reba"]["per_phase"] or [None] * len(summary["actions"])
-    for action, score, seconds in zip(summary["actions"], scores, durations, strict=True):
+    scores = [one["per_phase"] for one in people.values()]
+    for number, (action, seconds) in enumerate(zip(summary["actions"], durations, strict=True)):
         own = [f"{seconds:.2f}"] if differ else []
-        table.add_row(Text(action), "-" if score is None else f"{score:.1f}", *own)
+        table.add_row(Text(action), *([f"{score[number]:.1f}" for score in scores] or ["-"]), *own)
     console.print(table)
     cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
     satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
@@ -39,8 +41,9 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     show_audit(console, summary["audit"])
     if residuals.get("start_penetration"):
         console.print(f"accepted: at the start two bodies are {residuals['start_penetration']:.3f} m in each other")
-    if summary["reba"]["mean"] is not None:
-        console.print(f"REBA: mean {summary['reba']['mean']:.2f}, max {summary['reba']['max']}")
+    for name, own in people.items():
+        whose = f" of {name}" if len(people) > 1 else ""
+        console.print(Text(f"REBA{whose}: mean {own['mean']:.2f}, max {own['max']}"))
     best = {
         "optimal": "no other sequence within the depth costs less",
         "given": "no other sequence was planned",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 PLAN_FILE: Final = "plan.json"
-PLAN_FILES: Final = (PLAN_FILE, "path.parquet", "postures.parquet")
-"""A plan; the last two only where they have content."""
+PLAN_FILES: Final = (PLAN_FILE, "path.parquet", "postures.parquet", "postures-*.parquet")
+"""A plan; all but the first only where they have content: postures of the first person, and of each other by name."""
 PAGE: Final = "index.html"
 ASSETS: Final = "assets"
 PICTURES: Final = "pictures"

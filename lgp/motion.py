@@ -20,6 +20,7 @@ from lgp.kinematics.world import World
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, task_of
+from lgp.scene.model import Human
 from reba.arrays import Array
 
 
@@ -100,22 +101,26 @@ class Motion:
 
     @cached_property
     def human(self) -> dict[str, Array]:
-        """Return joint -> (T + 1,) value [rad, m] of all 41 joints of the human, solved legs included.
+        """Return joint -> (T + 1,) value [rad, m] of all 41 joints of the first person, solved legs included.
 
         Raises:
             LgpError: there is no human in the scene.
         """
-        return human_joints(self.world, self.path)
+        person = self.world.scene.human
+        if person is None:
+            raise LgpError(f"{self.world.scene.name}: the scene has no human; add a [human] table")
+        return self.joints_of(person)
+
+    def joints_of(self, person: Human) -> dict[str, Array]:
+        """Return joint -> (T + 1,) value [rad, m] of all 41 joints of a person, solved legs included."""
+        return human_joints(self.world, self.path, person)
 
 
-def human_joints(world: World, path: Array) -> dict[str, Array]:
-    """Return joint -> (T,) value [rad, m] of all 41 joints of the human in a path (T, nq); LgpError without a human."""
-    person = world.scene.human
-    if person is None:
-        raise LgpError(f"{world.scene.name}: the scene has no human; add a [human] table")
-    values = {name: np.full(len(path), world.initial_values[f"human.{name}"]) for name in joint_names()}
+def human_joints(world: World, path: Array, person: Human) -> dict[str, Array]:
+    """Return joint -> (T,) value [rad, m] of all 41 joints of a person in a path (T, nq)."""
+    values = {name: np.full(len(path), world.initial_values[f"{person.name}.{name}"]) for name in joint_names()}
     for name in values:
-        column = world.column.get(f"human.{name}")
+        column = world.column.get(f"{person.name}.{name}")
         if column is not None:
             values[name] = path[:, column]
     if person.legs == "solved":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -37,6 +38,18 @@ def _no_rows() -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class PersonPostures:
+    """The posture angles of a person (T, 22) [deg] as `reba` defines them, and the mass in the hands (T,) [kg]."""
+
+    angles: Array
+    carried: Array
+
+    def reba(self, rules: Rules | str = "measured") -> ScoreArrays:
+        """Return the true REBA scores of every slice."""
+        return score_angles(self.angles, {"load": self.carried}, rules)
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """The plan for a scene.
 
@@ -53,8 +66,7 @@ class Plan:
         phase: number of the phase of each slice, from 0 (T,).
         path: configurations (T, nq) [rad, m].
         variables: pose of objects relative to hands and tables: name -> value [m, rad].
-        posture: angles of the human (T, 22) [deg] as `reba` defines them, (0, 0) without a human.
-        carried: mass in the hands of the human (T,) [kg].
+        people: postures and loads of each person by name, in the order of the scene; {} without a human.
         costs: total, acceleration, ergonomics, time, cost terms of one's own, what actions cost in the domain.
         weights: of these terms; {} of older plans.
         residuals: largest constraint violations recomputed from the path: equality, inequality, by unit (metres,
@@ -80,8 +92,7 @@ class Plan:
     phase: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     path: Array = field(default_factory=_no_rows)
     variables: dict[str, float] = field(default_factory=dict)
-    posture: Array = field(default_factory=_no_rows)
-    carried: Array = field(default_factory=_no_values)
+    people: Mapping[str, PersonPostures] = field(default_factory=dict)
     costs: dict[str, float] = field(default_factory=dict)
     weights: dict[str, float] = field(default_factory=dict)
     residuals: dict[str, float] = field(default_factory=dict)
@@ -103,29 +114,36 @@ class Plan:
         steps = {"scene": self.scene.values, "actions": self.actions, "joints": self.joints}
         return hashlib.sha256(as_json({**steps, "time": self.time, "path": self.path}).encode()).hexdigest()
 
-    def reba(self, rules: Rules | str = "measured") -> ScoreArrays | None:
-        """Return the true REBA scores of every slice, None without a plan or a human.
+    @property
+    def posture(self) -> Array:
+        """Posture angles of the first person (T, 22) [deg], (0, 0) without a human."""
+        return next((one.angles for one in self.people.values()), _no_rows())
+
+    @property
+    def carried(self) -> Array:
+        """Mass in the hands of the first person (T,) [kg], 0 without a human."""
+        return next((one.carried for one in self.people.values()), np.zeros(len(self.time)))
+
+    @accepts(LgpError, person=TEXT.or_none())
+    def reba(self, rules: Rules | str = "measured", *, person: str | None = None) -> ScoreArrays | None:
+        """Return the true REBA scores of a person in every slice, None without a plan or a human.
 
         Args:
             rules: name of a preset, or a `reba.Rules` record.
+            person: name of the person, by default the first one.
+
+        Raises:
+            LgpError: there is no such person.
         """
-        if not len(self.posture):
+        if person is not None and person not in self.scene.humans:
+            hint = did_you_mean(person, self.scene.humans) or f"; known are {', '.join(self.scene.humans) or 'none'}"
+            raise LgpError(f"{self.scene.name}: no person {person!r}{hint}")
+        if not self.people:
             return None
-        return score_angles(self.posture, {"load": self.carried}, rules)
+        return self.people[next(iter(self.people)) if person is None else person].reba(rules)
 
     def summary(self) -> dict[str, Any]:
         """Return status, actions, costs, scores and residuals as plain data, as in `lgp plan --json`."""
-        scores = self.reba()
-        reba: dict[str, Any] = {"mean": None, "max": None, "per_phase": []}
-        if scores is not None:
-            total = np.asarray(scores.reba, dtype=float)
-            phases = [float(total[self.phase == number].mean()) for number in range(len(self.actions))]
-            reba = {
-                "mean": float(np.average(total, weights=np.diff(self.time, prepend=0.0))),
-                "max": int(total.max()),
-                "per_phase": phases,
-                "last": int(total[-1]),
-            }
         return {
             "feasible": self.feasible,
             "status": self.status,
@@ -135,7 +153,7 @@ class Plan:
             "durations": list(self.durations),
             "cost": self.costs or dict.fromkeys(("total", "acceleration", "ergonomics", "time", "terms", "actions")),
             "weights": self.weights,
-            "reba": reba,
+            "reba": self._scores(),
             "residuals": self.residuals or {"equality": None, "inequality": None},
             "audit": plain_data(self.audit),
             "search": plain_data(self.search),
@@ -143,12 +161,29 @@ class Plan:
             "starts": self.starts,
         }
 
+    def _scores(self) -> dict[str, Any]:
+        """Return mean, largest, last and mean score per phase: of all persons together, and of each by name."""
+        totals = {name: np.asarray(one.reba().reba, dtype=float) for name, one in self.people.items()}
+        if not totals:
+            return {"mean": None, "max": None, "per_phase": [], "people": {}}
+        everyone = self._figures(np.stack(list(totals.values()), axis=1))
+        return {**everyone, "people": {name: self._figures(own[:, None]) for name, own in totals.items()}}
+
+    def _figures(self, total: Array) -> dict[str, Any]:
+        """Return the figures of the scores of some persons (T, persons)."""
+        return {
+            "mean": float(np.average(total.mean(axis=1), weights=np.diff(self.time, prepend=0.0))),
+            "max": int(total.max()),
+            "per_phase": [float(total[self.phase == number].mean()) for number in range(len(self.actions))],
+            "last": int(total[-1].max()),
+        }
+
     @accepts(LgpError, agent=TEXT, step=POSITIVE.or_none())
     def trajectory(self, agent: str, *, step: float | None = None) -> AgentTrajectory:
         """Return the motion of one agent over time, between slices as the plan interpolates.
 
         Args:
-            agent: `human` or the name of a robot.
+            agent: `human`, or the name of a person or robot.
             step: time between moments [s]; by default the moments are the start and the slices.
 
         Raises:
@@ -178,6 +213,8 @@ class Plan:
     @accepts(LgpError, folder=PATH)
     def save(self, folder: str | Path) -> None:
         """Write `plan.json`, `path.parquet` and, with a human, `postures.parquet` (which `reba score` reads).
+
+        `postures.parquet` is of the first person, `postures-NAME.parquet` of each other one.
 
         Raises:
             LgpError: the folder cannot be written.
@@ -237,12 +274,17 @@ def save(plan: Plan, folder: Path) -> None:
         if plan.feasible:
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
             write_parquet(pd.DataFrame(times | columns), part / "path.parquet", plan.provenance)
-        if len(plan.posture):
-            angles = dict(zip(COLUMNS, plan.posture.T, strict=True))
-            postures = pd.DataFrame({"time": plan.time, **angles, "load": plan.carried})
-            write_parquet(postures, part / "postures.parquet", plan.provenance)
+        for file, one in zip(_posture_files(plan.people), plan.people.values(), strict=True):
+            angles = dict(zip(COLUMNS, one.angles.T, strict=True))
+            postures = pd.DataFrame({"time": plan.time, **angles, "load": one.carried})
+            write_parquet(postures, part / file, plan.provenance)
 
     write_folder(folder, write, last=PLAN_FILE, stale=PLAN_FILES, error=LgpError)
+
+
+def _posture_files(people: Iterable[str]) -> list[str]:
+    """Return the name of the file of each person."""
+    return [f"postures-{name}.parquet" if at else "postures.parquet" for at, name in enumerate(people)]
 
 
 def load(folder: Path) -> Plan:
@@ -262,7 +304,7 @@ def load(folder: Path) -> Plan:
     except (ValueError, TypeError, OverflowError) as error:
         raise LgpError(f"{file}: 'start' is {data['start']!r}, expected numbers ({error}); plan again") from error
     if data["feasible"]:
-        fields |= _tables(folder, fields["joints"])
+        fields |= _tables(folder, fields["joints"], fields["scene"].humans)
     return Plan(**fields)
 
 
@@ -308,34 +350,33 @@ def _scene(file: Path, data: Any) -> Scene:
     return read_scene(data["values"], str(data.get("name")))
 
 
-def _tables(folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
+def _tables(folder: Path, joints: tuple[str, ...], people: Iterable[str]) -> dict[str, Any]:
     import pandas as pd
     import pyarrow as pa
 
-    postures = folder / "postures.parquet"
+    def table(name: str) -> pd.DataFrame:
+        with open_regular(folder / name) as file:
+            return pd.read_parquet(file)
+
     try:
-        with open_regular(folder / "path.parquet") as file:
-            path = pd.read_parquet(file)
-        posture = None
-        if postures.exists():
-            with open_regular(postures) as file:
-                posture = pd.read_parquet(file)
+        path = table("path.parquet")
         if list(path.columns) != ["time", "phase", *joints]:
             raise LgpError(f"{folder}: columns of path.parquet differ from the joints of plan.json; plan again")
         fields: dict[str, Any] = {
             "time": path["time"].to_numpy(np.float64),
             "phase": path["phase"].to_numpy(np.intp),
             "path": path[list(joints)].to_numpy(np.float64),
-            "carried": np.zeros(len(path)),
+            "people": {},
         }
-        if posture is not None:
-            angles, carried = posture[list(COLUMNS)].to_numpy(np.float64), posture["load"].to_numpy(np.float64)
-            fields |= {"posture": angles, "carried": carried}
+        for name, file in zip(people, _posture_files(people), strict=True):
+            if (folder / file).exists():
+                own = table(file)
+                if len(own) != len(path):
+                    raise LgpError(f"{folder}: {file} has {len(own)} rows, expected {len(path)}; plan again")
+                angles, carried = own[list(COLUMNS)].to_numpy(np.float64), own["load"].to_numpy(np.float64)
+                fields["people"][name] = PersonPostures(angles, carried)
     except LgpError:
         raise
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise LgpError(f"{folder}: its motion cannot be read ({error}); plan again") from error
-    if len(fields["carried"]) != len(path):
-        rows = len(fields["carried"])
-        raise LgpError(f"{folder}: postures.parquet has {rows} rows, expected {len(path)}; plan again")
     return fields

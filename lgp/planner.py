@@ -31,7 +31,7 @@ from lgp.path.bounds import PathBounds
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
-from lgp.plan_record import Plan
+from lgp.plan_record import PersonPostures, Plan
 from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
@@ -224,7 +224,7 @@ def _initial_configuration(world: World, start: Array | None) -> Array:
 
 
 def _ergonomics(world: World, cost: Surrogate | Ergonomics | str | Path | None) -> Ergonomics | None:
-    if cost is None or world.scene.human is None:
+    if cost is None or not world.scene.humans:
         return None
     if isinstance(cost, Ergonomics):
         return cost
@@ -284,17 +284,18 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
     x = problem.join(path, solution.variables)
     costs = problem.costs(x)
     penetration, *_ = bounds.paths.collision_constraints(phases).deepest_penetration(*problem.split(x))
-    posture = np.zeros((0, 0))
-    if bounds.world.scene.human is not None:
-        posture = PostureMap(bounds.world).angles(path)
+    carried = phases.loads()
+    people = {
+        name: PersonPostures(PostureMap(bounds.world, person).angles(path), carried[:, at])
+        for at, (name, person) in enumerate(bounds.world.scene.humans.items())
+    }
     return {
         "actions": tuple(phases.label(number) for number in range(phases.count)),
         "time": phases.times(),
         "phase": np.repeat(np.arange(phases.count), phases.slices),
         "path": path,
         "variables": dict(zip(problem.modes.names, solution.variables.tolist(), strict=True)),
-        "posture": posture,
-        "carried": phases.loads(),
+        "people": people,
         "costs": {"total": costs.total} | asdict(costs),
         "residuals": problem.constraints.residuals(*problem.split(x))
         | {"penetration": penetration}

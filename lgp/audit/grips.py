@@ -66,6 +66,6 @@ def tool_errors(
     beside = float(np.linalg.norm(hand_pose[1] - grip))
     if beside > TOUCHING:
         yield f"the tool of {hand.full} is {1000 * beside:.1f} mm from the screw", beside
-    askew = _angle(hand_pose[0][:, 0 if hand.agent == "human" else 2], turn @ along)
+    askew = _angle(hand_pose[0][:, 0 if hand.human else 2], turn @ along)
     if askew > LEVEL:
         yield f"the tool of {hand.full} is {askew:.1f} deg askew", askew

@@ -40,8 +40,7 @@ class ShapePlacements:
         self._rotation, self._position = self._in_carriers(len(phases))
         self._set_attachments(len(phases))
         self._leg = np.array([bool(shape.leg) for shape in shapes])
-        person = world.scene.human
-        self._segments = None if person is None else LegSegments(person)
+        self._segments = {name: LegSegments(person) for name, person in world.scene.humans.items()}
 
     def poses(
         self, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, shapes: Indices
@@ -196,20 +195,18 @@ class ShapePlacements:
 
     def _leg_ends(self, body: CollisionShape, kinematics: Kinematics, rows: Indices | slice) -> tuple[Array, Array]:
         """Return both ends (n, 3) of a part of a leg that is solved in closed form."""
-        assert self._segments is not None
         at = kinematics.index[body.frame]
-        return self._segments.ends(body.leg, kinematics.rotation[rows, at], kinematics.position[rows, at])
+        return self._segments[body.owner].ends(body.leg, kinematics.rotation[rows, at], kinematics.position[rows, at])
 
     def _leg_speeds(self, body: CollisionShape, kinematics: Kinematics, points: Array) -> Array:
         """Return the Jacobians (n, 3, nq) of points on such a part, up to rotations about its own axis."""
-        assert self._segments is not None
         side, _, segment = body.leg.partition(" ")
         at = kinematics.index[body.frame]
-        hip = self._segments.hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
+        hip = self._segments[body.owner].hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
         start, end = self._leg_ends(body, kinematics, slice(None))
         share = np.einsum("ni,ni->n", points - start, end - start) / np.sum((end - start) ** 2, axis=1)
         share = np.clip(share, 0.0, 1.0)[:, None, None]
         of_hip = kinematics.point_jacobian(body.frame, hip)[:, :3]
-        of_knee = self._segments.knee_by_hip(side, hip) @ of_hip
+        of_knee = self._segments[body.owner].knee_by_hip(side, hip) @ of_hip
         first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, np.zeros_like(of_knee))
         return np.asarray((1.0 - share) * first + share * second)

@@ -1,4 +1,4 @@
-"""The collision shapes of a scene: capsules along the limbs of the human, robots by their URDF, boxes for the rest."""
+"""The collision shapes of a scene: capsules along the limbs of persons, robots by their URDF, boxes for the rest."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lgp.scene.model import Human, Robot
 
 
 def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
-    """Return every collision shape of a world: human, robots, tables, objects.
+    """Return every collision shape of a world: persons, robots, tables, objects.
 
     Warns with `lgp.collision.robot_shapes.MissingMeshWarning` of each mesh of a robot that does not exist.
     """
     shapes: list[CollisionShape] = []
     for agent in world.scene.agents:
-        if isinstance(agent, Robot):
+        if isinstance(agent, Human):
+            shapes += _human(world, agent)
+        elif isinstance(agent, Robot):
             if agent.name not in world.robot_shapes:
                 world.robot_shapes[agent.name] = robot_shapes(world, agent)
             shapes += world.robot_shapes[agent.name]
-        else:
-            shapes += _human(world)
     for name, table in world.scene.tables.items():
         rotation = rotation_about_z(np.radians(table.yaw))
         centre = np.array([*table.position, table.height - table.thickness / 2.0])
@@ -37,13 +37,14 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
         shapes.append(_grip(name, hand.agent, world.scene.hand_clearance / 2.0))
     for name, item in world.scene.objects.items():
         shapes.append(box(name, name, "object", np.eye(3), np.zeros(3), item.size))
-    shapes += [point for shape in shapes if _flat_or_long(shape) for point in points(shape)]
+    flat_or_long = [shape for shape in shapes if shape.kind == "object" or _is_end_of_limb(world, shape)]
+    shapes += [point for shape in flat_or_long for point in points(shape)]
     return tuple(shapes)
 
 
-def _flat_or_long(shape: CollisionShape) -> bool:
-    """Return whether a shape has corners or ends that may be as near to another one as each other."""
-    return shape.kind == "object" or (shape.kind == "link" and shape.owner == "human" and shape.reaches)
+def _is_end_of_limb(world: World, shape: CollisionShape) -> bool:
+    """Return whether a shape is a forearm or palm, whose two ends may be as near to another one as each other."""
+    return shape.kind == "link" and shape.owner in world.scene.humans and shape.reaches
 
 
 def _grip(hand: str, agent: str, radius: float) -> CollisionShape:
@@ -65,17 +66,14 @@ def _grip(hand: str, agent: str, radius: float) -> CollisionShape:
     )
 
 
-def _human(world: World) -> list[CollisionShape]:
-    person = world.scene.human
-    if person is None:
-        return []
+def _human(world: World, person: Human) -> list[CollisionShape]:
     shapes = []
     for part in human.capsules(person.stature, person.sex):
         shape = capsule(
-            f"human.{part.name}",
-            "human",
+            f"{person.name}.{part.name}",
+            person.name,
             "link",
-            f"human.{part.parent}",
+            f"{person.name}.{part.parent}",
             part.limb,
             (np.zeros(3), part.end),
             part.radius,
@@ -83,7 +81,7 @@ def _human(world: World) -> list[CollisionShape]:
         side, _, segment = part.name.partition("_")
         if part.limb.endswith("leg") and person.legs != "planted":
             shape = _leg(world, person, shape, f"{side} {segment}")
-        hand = f"human.{side}_hand"
+        hand = f"{person.name}.{side}_hand"
         hands = frozenset([hand] if segment == "palm" and hand in world.scene.hands else [])
         shapes.append(replace(shape, reaches=part.reaches, hands=hands))
     return shapes
@@ -91,7 +89,7 @@ def _human(world: World) -> list[CollisionShape]:
 
 def _leg(world: World, person: Human, shape: CollisionShape, leg: str) -> CollisionShape:
     """Return a part of a leg whose joints the model does not have: it follows the pelvis."""
-    pelvis = f"human.{human.PELVIS}"
+    pelvis = f"{person.name}.{human.PELVIS}"
     if person.legs == "solved":
         return replace(shape, frame=pelvis, leg=leg)
     # Locked legs are rigid: as they stand at first.

@@ -32,7 +32,7 @@ from reba.outputs import FileOutput, check_outputs
 @click.option("--fault", "faults", multiple=True, metavar="KIND@ACTION[:AMOUNT]", help="Fault to inject: moved, "
               "away, dropped, lost, stuck, killed. Actions count from 1. May be repeated.")  # fmt: skip
 @click.option("--human", default="natural", type=click.Choice(["natural", "exact"]), show_default=True,
-              help="natural: the simulated human deviates from the plan; exact: moves as planned.")  # fmt: skip
+              help="natural: simulated people deviate from the plan; exact: they move as planned.")  # fmt: skip
 @click.option(
     "--noise",
     default=0.001,
@@ -120,7 +120,7 @@ def _export(folder: str, file: str, strict: bool, as_json: bool) -> None:
     from lgp.execution.trajectory_export import write_trajectories
 
     logs = (path for path in Path(folder).glob("run*.mcap") if re.fullmatch(r"run(-\d+)?", path.stem))
-    check_outputs(FileOutput(file), inputs=[*logs, *(Path(folder) / name for name in PLAN_FILES)])
+    check_outputs(FileOutput(file), inputs=[*logs, *(file for name in PLAN_FILES for file in Path(folder).glob(name))])
     exported = write_trajectories(load_plan(folder), file, slow_down=not strict)
     for text in exported["limits"]:
         echo(f"slowed down: {text}", err=True)

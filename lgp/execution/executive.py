@@ -382,7 +382,7 @@ class Executive:
 
     def _robot_acts(self) -> bool:
         hands = self.planner.plan.scene.hands
-        return any(hands[name].agent != "human" for name in self._action_hands())
+        return any(not hands[name].human for name in self._action_hands())
 
     def _action_hands(self) -> list[str]:
         hands = self.planner.plan.scene.hands

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,7 +24,7 @@ KINDS: Final[dict[str, tuple[float, str]]] = {
     "away": (0.0, "the object is put onto the table farthest from its own"),
     "dropped": (0.0, "the object slips out of the hand"),
     "lost": (2.0, "the object is lost from tracking, for the amount [s]"),
-    "stuck": (0.0, "every hand of the action: a gripper ignores its commands, the human does not move"),
+    "stuck": (0.0, "every hand of the action: a gripper ignores its commands, a person does not move"),
     "killed": (0.0, "the process is killed (SIGKILL); continue with --resume"),
 }
 """Kind -> default amount, effect."""
@@ -83,11 +84,11 @@ class Faults:
         faults: tuple[Fault, ...],
         simulation: SimulatedWorld,
         tracker: SimulatedTracker,
-        worker: Worker | None,
+        workers: Sequence[Worker],
         rng: np.random.Generator,
     ) -> None:
         self.waiting = list(faults)
-        self.simulation, self.tracker, self.worker, self.rng = simulation, tracker, worker, rng
+        self.simulation, self.tracker, self.workers, self.rng = simulation, tracker, workers, rng
         self._due: list[tuple[float, Fault, Action]] = []
 
     def on_start(self, number: int, action: Action, seconds: float) -> None:
@@ -154,10 +155,11 @@ class Faults:
     def _jam(self, hands: list[str]) -> str:
         """Stop every hand of an action: a gripper keeps its state, and a person stays where they are."""
         scene = self.simulation.world.scene
-        grippers = [name for name in hands if scene.hands[name].agent != "human"]
+        grippers = [name for name in hands if not scene.hands[name].human]
         self.simulation.robots.stuck.update(grippers)
         effects = [f"the gripper of {name} ignores its commands" for name in grippers]
-        if self.worker is not None and len(grippers) < len(hands):
-            self.worker.stuck = True
-            effects.append("the human does not move")
+        for worker in self.workers:
+            if worker.name in {scene.hands[name].agent for name in hands}:
+                worker.stuck = True
+                effects.append(f"{worker.name} does not move")
         return " and ".join(effects)

@@ -9,6 +9,8 @@ Topics, times in seconds since the run began plus its first wall-clock time:
     /comparison               JSON  cost of retargeting against a new plan, see `session.retarget_cost`
     /ergonomics/posture       JSON  posture angles [deg] and carried load [kg] of the human; `reba score` reads them
     /human/joint_states       sensor_msgs/JointState, joints of human.urdf
+    /ergonomics/<name>/posture  JSON  the same of each further person
+    /<name>/joint_states      sensor_msgs/JointState of each further person
     /<robot>/joint_states     sensor_msgs/JointState, joints of its URDF
     /<robot>/trajectory       trajectory_msgs/JointTrajectory, each motion as commanded
     /tf                       tf2_msgs/TFMessage: tracked objects and the pelvis (`middle_pelvis`) in `world`
@@ -48,6 +50,8 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Atom
 from lgp.motion import human_joints
 from lgp.plan_record import Plan
+from lgp.scene.model import Scene
+from lgp.scene.people import SHORT
 from reba.files import as_json, plain_data
 from reba.posture.columns import COLUMNS
 from reba.provenance import MEMBER, generator, provenance
@@ -58,6 +62,8 @@ _TEXT, _WHOLE, _NUMBER = {"type": "string"}, {"type": "integer"}, {"type": "numb
 _TEXTS, _NUMBERS = {"type": "array", "items": _TEXT}, {"type": "array", "items": _NUMBER}
 _COSTS = dict.fromkeys(("greedy", "anew", "extra", "share"), _NUMBER)
 _AT = {"number": _WHOLE, "time": _NUMBER, "action": _WHOLE}
+POSTURE: Final = "/ergonomics/posture"
+"""Topic of the first person; those of the others hold the same."""
 JSON_SCHEMAS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "/plan": ("lgp.Plan", {"folder": _TEXT, "digest": _TEXT, "actions": _TEXTS, "columns": _TEXTS, "time": _NUMBERS}),
     "/scene": ("lgp.Scene", {"name": _TEXT}),
@@ -68,7 +74,7 @@ JSON_SCHEMAS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
         "lgp.Comparison",
         {"action": _TEXT, **_COSTS, "actions": _TEXTS, "same_actions": {"type": "boolean"}},
     ),
-    "/ergonomics/posture": ("reba.Posture", dict.fromkeys(("time", *COLUMNS, "load"), _NUMBER)),
+    POSTURE: ("reba.Posture", dict.fromkeys(("time", *COLUMNS, "load"), _NUMBER)),
 }
 """Topic -> type and the properties that viewers can show; each has one plain type, see `reba.writers.json_messages`."""
 
@@ -106,9 +112,9 @@ class RunLog:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def json(self, topic: str, time: float, value: Mapping[str, Any]) -> None:
-        """Write plain data on one of the JSON topics, without members that have no value."""
-        name, properties = JSON_SCHEMAS[topic]
+    def json(self, topic: str, time: float, value: Mapping[str, Any], kind: str = "") -> None:
+        """Write plain data, without members that have no value, of the kind of a JSON topic: by default its own."""
+        name, properties = JSON_SCHEMAS[kind or topic]
         schema = json.dumps({"title": name, "type": "object", "properties": properties})
         channel = self._channel(topic, "json", name, "jsonschema", schema)
         known = {key: item for key, item in plain_data(value).items() if item is not None}
@@ -167,12 +173,25 @@ PELVIS = "middle_pelvis"
 """Name of the pelvis frame in ISB axes in the profile human_description of `reba`."""
 
 
+def joint_topic(scene: Scene, agent: str) -> str:
+    """Return the topic of the joints of an agent: the same for the first person, whatever the name."""
+    return f"/{SHORT if is_first(scene, agent) else agent}/joint_states"
+
+
+def is_first(scene: Scene, agent: str) -> bool:
+    """Return whether an agent is the first person, whose topics and pelvis frame are the same in every run."""
+    return agent == next(iter(scene.humans), None)
+
+
 class Recorder:
     """Writes observations, events and commands of a run into its log."""
 
     def __init__(self, log: RunLog, world: World) -> None:
         self.log, self.world = log, world
-        self._posture = PostureMap(world) if world.scene.human is not None else None
+        self._people = [
+            (person, PostureMap(world, person), "" if is_first(world.scene, name) else f"{name}/")
+            for name, person in world.scene.humans.items()
+        ]
         self._columns = {name: world.columns(name) for name in world.scene.robots}
         self._predicate_states: dict[str, PredicateState] = {}
 
@@ -210,17 +229,20 @@ class Recorder:
         now = view.now
         stamp = self.log.stamp(now.time)
         poses = {name: (at.rotation, at.position) for name, at in now.objects.items() if view.seen(name)}
-        if self._posture is not None:
-            joints = {name: float(values[0]) for name, values in human_joints(self.world, now.q[None]).items()}
+        for person, posture, prefix in self._people:
+            joints = {name: float(values[0]) for name, values in human_joints(self.world, now.q[None], person).items()}
             message = joint_state_message(stamp, list(joints), np.array(list(joints.values())))
-            self.log.message("/human/joint_states", JOINT_STATE, now.time, message)
-            at = self.world.at(now.q[None], ["human.pelvis_tilt"])
-            poses[PELVIS] = at.rotation[0, 0] @ ISB, at.position[0, 0]
-            angles = dict(zip(COLUMNS, self._posture.angles(now.q[None])[0].tolist(), strict=True))
-            self.log.json("/ergonomics/posture", now.time, {"time": now.time, **angles, "load": load(view, nominal)})
+            self.log.message(joint_topic(self.world.scene, person.name), JOINT_STATE, now.time, message)
+            at = self.world.at(now.q[None], [f"{person.name}.pelvis_tilt"])
+            poses[prefix + PELVIS] = at.rotation[0, 0] @ ISB, at.position[0, 0]
+            angles = dict(zip(COLUMNS, posture.angles(now.q[None])[0].tolist(), strict=True))
+            carried = load(view, nominal, person.name)
+            self.log.json(
+                f"/ergonomics/{prefix}posture", now.time, {"time": now.time, **angles, "load": carried}, POSTURE
+            )
         for name, columns in self._columns.items():
             message = joint_state_message(stamp, self._joints(name), now.q[columns])
-            self.log.message(f"/{name}/joint_states", JOINT_STATE, now.time, message)
+            self.log.message(joint_topic(self.world.scene, name), JOINT_STATE, now.time, message)
         self.log.message("/tf", TRANSFORMS, now.time, transforms_message(stamp, poses))
         self.log.flush()
 
@@ -228,8 +250,9 @@ class Recorder:
         return [self.world.joints[column].partition(".")[2] for column in self._columns[robot]]
 
 
-def load(view: TrackedWorld, nominal: AbstractSet[Atom]) -> float:
-    """Return the mass that the human holds [kg]."""
+def load(view: TrackedWorld, nominal: AbstractSet[Atom], person: str) -> float:
+    """Return the mass that a person holds [kg]."""
     scene = view.world.scene
     hands = {name: carrier(view, name, nominal) for name in scene.objects}
-    return float(sum(scene.objects[name].mass for name, hand in hands.items() if hand.startswith("human.")))
+    own = [name for name, hand in hands.items() if hand and scene.hands[hand].agent == person]
+    return float(sum(scene.objects[name].mass for name in own))

@@ -188,7 +188,7 @@ def _unsure(view: TrackedWorld, object_name: str) -> str:
 
 
 def _human(view: TrackedWorld, hand: str) -> bool:
-    return view.world.scene.hands[hand].agent == "human"
+    return view.world.scene.hands[hand].human
 
 
 def _in_gripper(view: TrackedWorld, object_name: str) -> bool:
@@ -199,7 +199,7 @@ def _in_gripper(view: TrackedWorld, object_name: str) -> bool:
 def closed_grippers(scene: Scene, atoms: Iterable[Atom]) -> frozenset[str]:
     """Return the grippers that are closed where some atoms hold."""
     hands = (atom.arguments[0] for atom in atoms if atom.predicate in CLOSING)
-    return frozenset(hand for hand in hands if scene.hands[hand].agent != "human")
+    return frozenset(hand for hand in hands if not scene.hands[hand].human)
 
 
 def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tuple[str, bool]]:
@@ -218,6 +218,6 @@ def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tup
     for hand in (atom.arguments[0] for atom in adds if atom.predicate == "free"):
         takers = [name for name in action.arguments if name in scene.hands and name != hand]
         given = all(holding(view, taker, name).holds for taker in takers for name in object_names)
-        if scene.hands[hand].agent != "human" and given:
+        if not scene.hands[hand].human and given:
             commands.append((hand, False))
     return commands

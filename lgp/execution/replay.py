@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lgp.errors import LgpError
+from lgp.execution.log import joint_topic
 from lgp.execution.simulation import SimulatedRobots
 from lgp.execution.tracking import Observation, TrackedPose
 from lgp.kinematics.world import World
@@ -88,7 +89,10 @@ def _poses(recording: Recording, name: str) -> Array:
 def _joints(recording: Recording, world: World, agent: str) -> tuple[Array, Indices]:
     """Return (n, 1 + k) time and joints of an agent, and their columns of q (k,); n = 0 if they were not recorded."""
     own = {name.partition(".")[2]: at for name, at in world.column.items() if name.startswith(f"{agent}.")}
-    for stream in _streams(recording, "joints"):
+    topics = {one.name: joint_topic(world.scene, one.name) for one in world.scene.agents}
+    others = set(topics.values()) - {topics[agent]}  # two persons, or robots of one model, have joints of one name
+    streams = [stream for stream in _streams(recording, "joints") if stream.name not in others]
+    for stream in sorted(streams, key=lambda one: one.name != topics[agent]):
         names = [name for name in stream.names if name in own]
         if not names or len(names) < len(own) / 2:
             continue

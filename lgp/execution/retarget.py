@@ -55,7 +55,7 @@ class ActionMotion:
     """The motion of one action.
 
     Attributes:
-        trajectory: of human and robots; that of the human is a prediction.
+        trajectory: of persons and robots; that of persons is a prediction.
         cost: of a retargeted motion, on the scale of the plan; None for the planned motion.
         scene: for which it was retargeted, with the solution of the path problem; both None for the planned motion.
     """
@@ -119,8 +119,8 @@ class Planner:
         """Return, in words, joints and objects that are away from the start of the planned motion of an action."""
         row = number * self.motion.phases.slices
         first = self.motion.path[row]
-        off = np.abs(view.now.q - first)
-        off[self._human_columns()] = 0.0
+        off, robots = np.zeros(len(first)), robot_columns(self.motion.world)
+        off[robots] = np.abs(view.now.q - first)[robots]
         deviations = []
         if off.max() > view.tolerances.joints:
             world = self.motion.world
@@ -214,8 +214,8 @@ class Planner:
         if optional and fixed_variables and (other := self._other_grip(number, world, first)):
             yield world, other
         if self._by_human(number):
-            # The person is not commanded and may place an object with any rotation of the hand.
-            yield world.without_tilt_limits("human"), fixed_variables
+            # A person is not commanded and may place an object with any rotation of the hand.
+            yield world.without_tilt_limits(*world.scene.humans), fixed_variables
 
     def _other_grip(self, number: int, world: World, first: Array) -> dict[str, float]:
         """Return a grip with which the object can still be placed at the part that it is joined with, {} if none.
@@ -312,9 +312,9 @@ class Planner:
         """
         world, task = self.motion.world.with_scene(scene), task_of(scene)
         first = np.clip(start, world.lower, world.upper)
-        in_hand = any(one.hand.startswith("human.") for one in scene.objects.values())
-        # The grip of a part in the hand of the person is given: they may need any rotation of the hand to place it.
-        for attempt_world in (world, world.without_tilt_limits("human")) if in_hand else (world,):
+        in_hand = any(one.hand and scene.hands[one.hand].human for one in scene.objects.values())
+        # The grip of a part in the hand of a person is given: they may need any rotation of the hand to place it.
+        for attempt_world in (world, world.without_tilt_limits(*scene.humans)) if in_hand else (world,):
             holding = [hand for hand, _, _ in ModeSequence(attempt_world, ()).held_at_first]
             bounds = self._bounds(attempt_world, first, holding=holding)
             plan = replan_remaining(self.motion, task, number, bounds, seconds, thorough)
@@ -332,18 +332,13 @@ class Planner:
 
     def ergonomics(self) -> Ergonomics | None:
         """Return the ergonomic cost term, built once; None without ergonomics."""
-        if self._ergonomics is None and self._cost is not None and self.plan.scene.human is not None:
+        if self._ergonomics is None and self._cost is not None and self.plan.scene.humans:
             self._ergonomics = Ergonomics(self.motion.world, self._cost)
         return self._ergonomics
 
     def _by_human(self, number: int) -> bool:
         """Return whether a human hand acts."""
-        return self.plan.scene.hands[self.motion.phases.switches[number].hand].agent == "human"
-
-    def _human_columns(self) -> Indices:
-        if self.plan.scene.human is None:
-            return np.zeros(0, np.intp)
-        return self.motion.world.columns("human")
+        return self.plan.scene.hands[self.motion.phases.switches[number].hand].human
 
     def _object_names(self, number: int) -> Iterable[str]:
         """Return the objects of an action, and those on the table that it is joined with where it is placed."""

@@ -28,7 +28,7 @@ from lgp.execution.retarget import ActionMotion, Planner, load_plan
 from lgp.execution.ros_messages import JOINT_STATE, encoder
 from lgp.execution.simulation import SimulatedRobots, SimulatedTracker, SimulatedWorld
 from lgp.execution.tracking import Observation, ObservationSource, TrackedPose, TrackedWorld
-from lgp.execution.worker import Worker, WorkerBehaviour
+from lgp.execution.worker import Worker, WorkerBehaviour, workers
 from lgp.kinematics.modes import ModeSequence
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
@@ -160,7 +160,7 @@ class ExecutionRun:
         self.view = TrackedWorld(world)
         rngs = self._rng.spawn(3)
         self.simulation: SimulatedWorld | None = None
-        self.worker: Worker | None = None
+        self.workers: tuple[Worker, ...] = ()
         self.faults: Faults | None = None
         if run.replay is not None:
             if run.faults or run.scatter:
@@ -174,11 +174,10 @@ class ExecutionRun:
             self.simulation = SimulatedWorld(world, self.robots, q, state.objects if state else None)
             tracker = SimulatedTracker(self.simulation, rngs[0], run.noise)
             self.source = tracker
-            if world.scene.human is not None:
-                self.worker = Worker(self.simulation, run.behaviour, rngs[1])
+            self.workers = workers(self.simulation, run.behaviour, rngs[1])
             faults = run.faults if past is None else ()
             self._check_faults(faults)
-            self.faults = Faults(faults, self.simulation, tracker, self.worker, rngs[2])
+            self.faults = Faults(faults, self.simulation, tracker, self.workers, rngs[2])
             if past is None:
                 self._scatter(rngs[2])
         number = 0 if state is None else state.number
@@ -207,8 +206,8 @@ class ExecutionRun:
         if isinstance(self.source, Replay):
             self.robots.step(self._time)
             self.source.time = self._time
-        if self.worker is not None:
-            self.worker.step(self._time)
+        for worker in self.workers:
+            worker.step(self._time)
         if self.simulation is not None:
             self.simulation.step(self._time)
         if self.faults is not None:
@@ -222,7 +221,7 @@ class ExecutionRun:
             self._save()
 
     def _on_executive_event(self, state: str, kind: str, text: str, details: dict[str, Any]) -> None:
-        """Log an event, pass it to the page, and start the motion of the human and the faults of the action."""
+        """Log an event, pass it to the page, and start the motion of persons and the faults of the action."""
         executive = self.executive
         number = None if state == "finished" else executive.number
         if kind == "replanned":
@@ -237,8 +236,8 @@ class ExecutionRun:
         self.recorder.event(event)
         if kind in ("told", "started") and executive.phase is not None:
             self.recorder.command(self._time, executive.phase.trajectory)
-            if self.worker is not None:
-                self.worker.on_action(self.planner, executive.number, executive.phase)
+            for worker in self.workers:
+                worker.on_action(self.planner, executive.number, executive.phase)
             if self.faults is not None and executive.replans == 0:
                 action = self.planner.actions[executive.number]
                 self.faults.on_start(executive.number, action, executive.phase.trajectory.duration)

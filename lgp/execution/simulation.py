@@ -38,15 +38,15 @@ class Placement:
 
 
 class SimulatedWorld:
-    """The true state of robots, human and objects.
+    """The true state of robots, persons and objects.
 
     Args:
-        q: (nq,) initial configuration of human and robots [rad, m].
+        q: (nq,) initial configuration of persons and robots [rad, m].
         objects: object -> placement; from the scene by default.
 
     Attributes:
         time: [s] since the run began.
-        q: (nq,) configuration; `Worker` writes the columns of the human.
+        q: (nq,) configuration; each `Worker` writes the columns of its person.
         view: the world as a tracker without error sees it.
     """
 
@@ -61,7 +61,7 @@ class SimulatedWorld:
         self.observe()
 
     def step(self, time: float) -> None:
-        """Advance to a time [s]; the columns of the human in q are written before."""
+        """Advance to a time [s]; the columns of persons in q are written before."""
         self.time = time
         self.robots.step(time)
         self.q[self.robots.columns] = self.robots.q[self.robots.columns]
@@ -125,7 +125,7 @@ class SimulatedWorld:
                 self.take(hand, nearest)
         self._closed = set(closed)
         for name, at in list(self.objects.items()):
-            if at.hand and at.hand not in closed and hands[at.hand].agent != "human":
+            if at.hand and at.hand not in closed and not hands[at.hand].human:
                 empty = sorted(closed - {one.hand for one in self.objects.values()})
                 if not any(self.take(hand, name) for hand in empty):
                     self.put(name)
@@ -150,7 +150,7 @@ class Robots(Protocol):
     """Interface to all robots of a scene."""
 
     def follow(self, move: Move) -> None:
-        """Follow a motion from now on; its columns of the human are ignored."""
+        """Follow a motion from now on; its columns of persons are ignored."""
         ...
 
     def grip(self, hand: str, closed: bool) -> None:

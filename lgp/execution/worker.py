@@ -1,4 +1,4 @@
-"""The simulated human: acts as the page shows, with delays, pace, sway and placements of their own."""
+"""Simulated persons: each acts as the page shows, with delays, pace, sway and placements of their own."""
 
 from __future__ import annotations
 
@@ -45,12 +45,24 @@ EXACT = WorkerBehaviour(0.0, 0.0, 0.0, 0.0)
 
 
 class Worker:
-    """A person in a simulated world; they do not move while `stuck`, see the fault of that name."""
+    """A person in a simulated world.
 
-    def __init__(self, simulation: SimulatedWorld, behaviour: WorkerBehaviour, rng: np.random.Generator) -> None:
-        self.simulation, self.behaviour, self.rng = simulation, behaviour, rng
-        self.columns = simulation.world.columns("human")
-        self.stuck = False
+    Args:
+        name: of the person in the scene.
+
+    Attributes:
+        stuck: they do not move, see the fault of that name.
+        moving: whether a motion is under way.
+        others: the other persons.
+    """
+
+    def __init__(
+        self, simulation: SimulatedWorld, name: str, behaviour: WorkerBehaviour, rng: np.random.Generator
+    ) -> None:
+        self.simulation, self.name, self.behaviour, self.rng = simulation, name, behaviour, rng
+        self.columns = simulation.world.columns(name)
+        self.stuck = self.moving = False
+        self.others: tuple[Worker, ...] = ()
         self._planner: Planner | None = None
         self._number = -1
         self._displayed: Action | None = None
@@ -71,7 +83,7 @@ class Worker:
         self._begin(self._own(phase).trajectory, self.behaviour.delay * spread)
 
     def step(self, time: float) -> None:
-        """Write the human joints at a time [s] into the simulation; take or release at the end of a motion."""
+        """Write the joints of the person at a time [s] into the simulation; take or release at the end of a motion."""
         self._help(time)
         if self.stuck:
             return
@@ -79,12 +91,13 @@ class Worker:
         if self._trajectory is None:
             return
         part = min(max((time - self._start) / self._duration, 0.0), 1.0)
+        self.moving = part < 1.0
         fade = 1.0 - part**3 * (part * (6.0 * part - 15.0) + 10.0)
         waves = np.sin(np.pi * part * np.arange(1, SWAY_WAVES + 1)) @ self._sway
         q = self._trajectory.at(part * self._trajectory.duration)[self.columns] + fade * self._offset + waves
         world = self.simulation.world
         self.simulation.q[self.columns] = np.clip(q, world.lower[self.columns], world.upper[self.columns])
-        if part >= 1.0 and not self._robot_hands_move():
+        if not self.moving and not self._others_move():
             self._trajectory = None
             self._arrive()
             if self._next is not None and self._trajectory is None:
@@ -92,7 +105,7 @@ class Worker:
                 self.on_action(*waiting)
 
     def _begin(self, trajectory: JointTrajectory, delay: float) -> None:
-        self._trajectory = trajectory
+        self._trajectory, self.moving = trajectory, True
         self._start = self.simulation.time + delay
         self._duration = trajectory.duration * np.exp(self.rng.normal(0.0, self.behaviour.pace))
         self._offset = self.simulation.q[self.columns] - trajectory.knots[0][self.columns]
@@ -102,8 +115,8 @@ class Worker:
     def _own(self, phase: ActionMotion) -> ActionMotion:
         """Return the motion to the true poses of the objects, with a placement that deviates from the plan."""
         planner, action = self._planner, self._action()
-        if planner is None or action is None or not self._hand(action) or self._robot_hands():
-            return phase  # where the person and a robot meet, they do so where the motion says
+        if planner is None or action is None or not self._hand(action) or self._other_hands():
+            return phase  # where the person and another agent meet, they do so where the motion says
         target = None
         if (
             switch_of(action).action.attaches_to == "table"
@@ -157,7 +170,7 @@ class Worker:
             scene = planner.scene(self._number, self.simulation.view)
         except LgpError:
             return None
-        phase = planner.retarget(self._number, scene, self.simulation.q, target, still=self._robot_hands())
+        phase = planner.retarget(self._number, scene, self.simulation.q, target, still=self._other_hands())
         return phase if isinstance(phase, ActionMotion) else None
 
     def _catch(self) -> None:
@@ -167,7 +180,8 @@ class Worker:
             return
         switch = switch_of(action)
         giver = simulation.objects[switch.object_name].hand
-        opened = giver and not self._is_own(giver) and giver not in simulation.robots.closed
+        by_gripper = giver and not simulation.world.scene.hands[giver].human
+        opened = by_gripper and giver not in simulation.robots.closed
         if opened and switch.action.attaches_to == "hand" and self._is_own(switch.hand):
             simulation.take(switch.hand, switch.object_name)
 
@@ -185,12 +199,12 @@ class Worker:
         return None if self._planner is None else self._planner.actions[self._number]
 
     def _hand(self, action: Action) -> str:
-        """Return the human hand that takes part in an action, "" if none."""
+        """Return the hand of the person that takes part in an action, "" if none."""
         return next(filter(self._is_own, action.arguments), "")
 
     def _is_own(self, name: str) -> bool:
         hands = self.simulation.world.scene.hands
-        return name in hands and hands[name].agent == "human"
+        return name in hands and hands[name].agent == self.name
 
     def _holding_columns(self) -> Flags:
         """Return which of the columns move a hand that holds a part still."""
@@ -199,12 +213,26 @@ class Worker:
         supports = [world.support(hand)[self.columns] > 0.0 for hand in hands if self._is_own(hand)]
         return np.any([np.zeros(len(self.columns), bool), *supports], axis=0)
 
-    def _robot_hands(self) -> tuple[str, ...]:
-        """Return the robot hands that take part in the action."""
+    def _other_hands(self) -> tuple[str, ...]:
+        """Return the hands of other agents that take part in the action."""
         action, hands = self._action(), self.simulation.world.scene.hands
         names = () if action is None else action.arguments
         return tuple(name for name in names if name in hands and not self._is_own(name))
 
-    def _robot_hands_move(self) -> bool:
-        """Return whether a robot is still on its way to the person."""
-        return bool(self._robot_hands()) and bool(np.any(self.simulation.robots.speed != 0.0))
+    def _others_move(self) -> bool:
+        """Return whether a robot or another person is still on its way to the person."""
+        hands = self.simulation.world.scene.hands
+        agents = {hands[name].agent for name in self._other_hands()}
+        robots = agents & set(self.simulation.world.scene.robots)
+        persons = [one for one in self.others if one.name in agents]
+        return bool(robots and np.any(self.simulation.robots.speed != 0.0)) or any(one.moving for one in persons)
+
+
+def workers(simulation: SimulatedWorld, behaviour: WorkerBehaviour, rng: np.random.Generator) -> tuple[Worker, ...]:
+    """Return a worker for each person of a scene."""
+    names = tuple(simulation.world.scene.humans)
+    rngs = [rng, *rng.spawn(max(len(names) - 1, 0))]
+    every = tuple(Worker(simulation, name, behaviour, own) for name, own in zip(names, rngs, strict=False))
+    for worker in every:
+        worker.others = tuple(one for one in every if one is not worker)
+    return every

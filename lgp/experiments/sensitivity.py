@@ -101,7 +101,7 @@ def remarks(world: World) -> list[str]:
         hand.full: float(reach(world, hand, spot, STARTS, np.random.default_rng(0))[0]) < CLOSE
         for hand in scene.hands.values()
     }
-    human = {hand.full for hand in scene.hands.values() if hand.agent == "human"}
+    human = {hand.full for hand in scene.hands.values() if hand.human}
     robot = set(reached) - human
     tops = [scene.tables[f"table.{name}"] for name in TABLES]
     notes = []

@@ -32,7 +32,7 @@ def held_seconds(task: Task, plan: Plan, part: str) -> float:
     alone = {name: replace(item, mass=float(name == part)) for name, item in plan.scene.objects.items()}
     slices = int(np.sum(plan.phase == 0))
     phases = Phases.of(replace(plan.scene, objects=alone), skeleton_of(task, plan), slices, plan.durations)
-    return float(np.diff(plan.time, prepend=0.0) @ phases.loads())
+    return float(np.diff(plan.time, prepend=0.0) @ phases.loads().sum(axis=1))
 
 
 def mass_sweep(

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from lgp.errors import LgpError
 from lgp.scene.model import FreeParameter, Scene
+from lgp.scene.people import SHORT
 from lgp.scene.scene_file import load_scene
 from reba.errors import did_you_mean
 from reba.report.page import read
@@ -78,11 +79,14 @@ def setting(
     """Return a variant and the scene with its changes, then those of options that are not None.
 
     Raises:
-        LgpError: there is no such variant or scene, or a value is out of range.
+        LgpError: there is no such variant or scene, the scene has not one person, or a value is out of range.
     """
     given = {"cost.model": None if cost is None else str(cost), "phase_seconds": phase_seconds}
     given |= {} if weight is None else {"cost.weight": weight, "cost.per": "second"}
-    chosen = variant_of(name)
+    chosen, people = variant_of(name), list(load_scene(scene).humans)
+    if people != [SHORT]:
+        named = ", ".join(people) or "none"
+        raise LgpError(f"{scene}: its persons are {named}, expected one, the [human]; give a scene with one")
     return chosen, chosen.scene(scene, {key: value for key, value in given.items() if value is not None})
 
 

@@ -273,7 +273,7 @@ class ScrewConstraint:
     @property
     def tool_axis(self) -> int:
         """Axis of the hand along which the tool points: fingers (x) of a human, approach (z) of a robot."""
-        return 0 if self.hand.agent == "human" else 2
+        return 0 if self.hand.human else 2
 
     @property
     def variables(self) -> Indices:

@@ -22,6 +22,7 @@ from lgp.errors import WorldError
 from lgp.kinematics.human import joint_names
 from lgp.kinematics.leg_ik import knees
 from lgp.kinematics.world import World
+from lgp.scene.model import Human
 from reba.arrays import Array, Indices
 from reba.posture.angles import CONE
 from reba.posture.columns import COLUMNS, INDEX, SIDES
@@ -79,7 +80,10 @@ class _Group:
 
 
 class PostureMap:
-    """The posture table of the human of a world; Jacobians are by `columns`, the k columns of q that move the human.
+    """The posture table of a person of a world; Jacobians are by `columns`, the k columns of q that move the person.
+
+    Args:
+        person: of the scene, by default its first one.
 
     Raises:
         WorldError: the world has no human.
@@ -92,17 +96,19 @@ class PostureMap:
         ((1, 22), 0.0)
     """
 
-    def __init__(self, world: World) -> None:
-        if world.scene.human is None:
+    def __init__(self, world: World, person: Human | None = None) -> None:
+        body = person or world.scene.human
+        if body is None:
             raise WorldError("the scene has no human, so there is no posture; add a [human] table")
-        self.body = world.scene.human
-        self.columns = world.columns("human")
+        self.body = body
+        self.columns = world.columns(body.name)
+        full = {name: f"{body.name}.{name}" for name in joint_names()}
         self._local = {
-            name: int(np.searchsorted(self.columns, world.column[f"human.{name}"]))
-            for name in joint_names()
-            if f"human.{name}" in world.column
+            name: int(np.searchsorted(self.columns, world.column[joint]))
+            for name, joint in full.items()
+            if joint in world.column
         }
-        self._locked = {name: world.initial_values[f"human.{name}"] for name in joint_names()}
+        self._locked = {name: world.initial_values[joint] for name, joint in full.items()}
         self._linear, self._offset = np.zeros((len(COLUMNS), len(self.columns))), np.zeros(len(COLUMNS))
         for column, (joint, sign, offset) in joint_angles().items():
             row = INDEX[column]

@@ -75,7 +75,7 @@ def reach(world: World, hand: Hand, points: Array, attempts: int, rng: np.random
     """Return the smallest residual (n,) of a hand at points (n, 3): position [m], excess tilt and leg length alike."""
     columns = world.columns(hand.agent)
     lower, upper = world.lower[columns], world.upper[columns]
-    posture = PostureMap(world) if hand.agent == "human" else None
+    posture = PostureMap(world, world.scene.humans[hand.agent]) if hand.human else None
 
     best = np.full(len(points), np.inf)
     for attempt in range(attempts):
@@ -111,7 +111,7 @@ def transport_reachability(
     points = targets[["x", "y", "height"]].to_numpy() + lift
     parts = []
     for hand in world.scene.hands.values():
-        if hand.agent == "human":
+        if hand.human:
             continue
         attachment = fixed_on(world.scene.tables[item.on], item)
         source = attachment.pose(world.at(world.initial_configuration[None], []), np.zeros(0)).position[0]

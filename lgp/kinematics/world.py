@@ -89,7 +89,7 @@ class World:
     """The kinematics of the agents of a scene.
 
     Args:
-        scene: its human and robots become one model.
+        scene: its persons and robots become one model.
 
     Attributes:
         scene: the scene; tables and objects change with `with_scene`.
@@ -116,7 +116,7 @@ class World:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.model = pin.Model()
-        values: dict[str, float] = dict.fromkeys((f"human.{name}" for name in human.joint_names()), 0.0)
+        values: dict[str, float] = {}
         couplings: dict[str, Coupling] = {}
         self.units: dict[str, JointUnit] = {}
         for agent in scene.agents:
@@ -165,13 +165,15 @@ class World:
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
 
-    def without_tilt_limits(self, agent: str) -> World:
-        """Return this world without the limits of tilt of an agent's hands at tables."""
-        scene = self.scene
-        if scene.human is not None and scene.human.name == agent:
-            scene = replace(scene, human=_without_tilt_limits(scene.human))
-        elif agent in scene.robots:
-            scene = replace(scene, robots={**scene.robots, agent: _without_tilt_limits(scene.robots[agent])})
+    def without_tilt_limits(self, *agents: str) -> World:
+        """Return this world without the limits of tilt of the hands of some agents at tables."""
+        humans, robots = dict(self.scene.humans), dict(self.scene.robots)
+        for name in agents:
+            if name in humans:
+                humans[name] = _without_tilt_limits(humans[name])
+            elif name in robots:
+                robots[name] = _without_tilt_limits(robots[name])
+        scene = replace(self.scene, humans=humans, robots=robots)
         other = object.__new__(World)
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
@@ -300,11 +302,11 @@ class World:
         self._data = self.model.createData()
 
     def _planted(self) -> Mapping[str, tuple[Array, Array]]:
-        if self.scene.human is None or self.scene.human.legs != "planted":
-            return {}
-        names = [f"human.{side}_sole" for side in SIDES]
+        people = [name for name, person in self.scene.humans.items() if person.legs == "planted"]
+        names = [f"{person}.{side}_sole" for person in people for side in SIDES]
         standing = self.initial_configuration.copy()
-        standing[self.columns("human")] = 0.0
+        for person in people:
+            standing[self.columns(person)] = 0.0
         soles = self.at(standing[None], names)
         return {name: (soles.rotation[0, at], soles.position[0, at]) for name, at in soles.index.items()}
 
@@ -345,6 +347,8 @@ def _agent_model(agent: Agent) -> tuple[JointedModel, pin.SE3]:
 
 def _initial_values(agent: Agent, units: Mapping[str, JointUnit]) -> dict[str, float]:
     """Return `agent.joint` -> initial value [rad, m]; a scene states [deg, m]."""
-    values = rest_posture(agent.stature, agent.sex) if isinstance(agent, Human) else {}
+    values: dict[str, float] = {}
+    if isinstance(agent, Human):
+        values = dict.fromkeys(human.joint_names(), 0.0) | rest_posture(agent.stature, agent.sex)
     values |= {name: units[name].to_si(value) for name, value in agent.joints.items()}
     return {f"{agent.name}.{name}": value for name, value in values.items()}

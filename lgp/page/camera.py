@@ -104,7 +104,7 @@ class Subject:
 
 
 def shots(subjects: Sequence[Subject], ahead: float) -> tuple[Shot, ...]:
-    """Return the shot of least cost of each subject, where `ahead` [rad] is the direction of the line human - robot.
+    """Return the shot of least cost of each subject; `ahead` [rad] is the direction from the first person to others.
 
     A change of direction has a cost too, so that the view is steady.
     """
@@ -172,7 +172,7 @@ def shots_of(
     for number, switch in enumerate(motion.phases.switches):
         part = place[number * length : (number + 1) * length + 1]
         moving = np.ptp(part[:, :, :3, 3], axis=0).max(axis=1) > MIN_MOVEMENT
-        taking = [at for name, at in frames.items() if moving[at] or name.startswith("human.")]
+        taking = [at for name, at in frames.items() if moving[at] or name.partition(".")[0] in scene.humans]
         names = [name for name in (switch.object_name, switch.other) if name]
         points = [part[::steps, at, :3, 3] for at in taking]
         points += [_corners(part[::steps, frames[name], :3, 3], PERSON_MARGIN) for name in names]
@@ -185,12 +185,12 @@ def shots_of(
 
 
 def ahead(scene: Scene) -> float:
-    """Return the direction from the human to the robots [rad]; without robots that in which the human faces."""
+    """Return the direction from the first person to all other agents [rad]; alone that in which the person faces."""
     person = scene.human
     if person is None:
         return 0.0
-    robots = [robot.position[:2] for robot in scene.robots.values()]
-    away = np.mean(robots, axis=0) - person.position[:2] if robots else np.zeros(2)
+    others = [agent.position[:2] for agent in scene.agents if agent is not person]
+    away = np.mean(others, axis=0) - person.position[:2] if others else np.zeros(2)
     return float(np.radians(person.yaw) if np.linalg.norm(away) < 1e-6 else np.arctan2(away[1], away[0]))
 
 

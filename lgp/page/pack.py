@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from lgp.page.camera import ANGLE, NEAREST, ROOM, Shot
 from lgp.page.mesh import Mesh
+from lgp.page.person import Skin
 from lgp.page.view import SceneAnimation
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 
 FULL = 32767
 """Largest 16-bit integer, which stands for the largest length."""
@@ -33,7 +34,7 @@ def packed(view: SceneAnimation) -> dict[str, Any]:
         "bodies": [
             {"mesh": body.mesh, "frame": body.frame, "place": _rounded(body.place.T.ravel())} for body in view.bodies
         ],
-        "skin": _skin(view),
+        "skins": [_skin(skin, frames) for skin, frames in view.skins],
         "frames": list(view.frames),
         "time": _rounded(view.time),
         "position": _lengths(position, np.zeros(3)),
@@ -59,10 +60,7 @@ def _mesh(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _skin(view: SceneAnimation) -> dict[str, Any] | None:
-    if view.skin is None:
-        return None
-    skin, frames = view.skin
+def _skin(skin: Skin, frames: Indices) -> dict[str, Any]:
     return {
         "mesh": _mesh(skin.mesh),
         "frames": frames.tolist(),

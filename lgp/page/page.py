@@ -21,9 +21,11 @@ from lgp.files import ASSETS, PAGE, PAGE_FILES, PICTURE_FILES, PICTURES
 from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
-from lgp.page.sentences import Instruction, humanised, sentences
+from lgp.page.sentences import Instruction, humanised, person_in_words, sentences
 from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
+from lgp.scene.model import Scene
+from reba.arrays import Array, Indices
 from reba.checks import PATH, YES_NO, accepts, instance
 from reba.extras import missing
 from reba.files import write_folder, write_text
@@ -107,29 +109,32 @@ def _facts(plan: Plan, motion: Motion, animation: SceneAnimation, lines: tuple[I
             {
                 "text": line.text,
                 "you": line.you,
+                "who": line.who,
                 "frame": animation.frames.index(name),
                 "radius": max(RING, round(0.6 * max(plan.scene.objects[name].size), 3)),
             }
             for line, name in zip(lines, object_names, strict=True)
         ],
-        "runs": [
-            {"start": run.start, "end": run.end, "score": run.score, "risk": risk(run.level), "colour": run.colour}
-            for run in score_spans(plan)
+        "people": [
+            [
+                {"start": run.start, "end": run.end, "score": run.score, "risk": risk(run.level), "colour": run.colour}
+                for run in spans
+            ]
+            for spans in score_spans(plan).values()
         ],
     }
 
 
 def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str) -> str:
-    ribbon = score_spans(plan)
     total = float(plan.time[-1])
     return template("lgp.page", "template/index.html").render(
         title=humanised(plan.scene.name).capitalize(),
         lines=lines,
         labels=plan.actions,
-        ribbon=[_bar(run, total) for run in ribbon],
+        lead=_lead(plan.scene, len(lines)),
+        people=_people(plan),
         marks=[100.0 * number / len(lines) for number in range(len(lines))],
         levels=[(risk(level), colour) for level, colour in enumerate(LEVEL_COLOURS)],
-        reba=plan.summary()["reba"],
         seconds=total,
         scripts=SCRIPTS,
         plan=plan.digest,
@@ -138,6 +143,27 @@ def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str)
         assets=ASSETS,
         pictures=PICTURES if pictures else "",
     )
+
+
+def _lead(scene: Scene, steps: int) -> str:
+    """Return what the page is about: who does what."""
+    robots = "the robot does" if len(scene.robots) <= 1 else "the robots do"
+    who = [robots] if scene.robots else []
+    who += ["what you do" if len(scene.humans) == 1 else "what each of you does"] if scene.humans else []
+    return f"What {' and '.join(who).removeprefix('what ')}, in {steps} step{'' if steps == 1 else 's'}."
+
+
+def _people(plan: Plan) -> list[dict[str, Any]]:
+    """Return name, mean and largest score, and bars of each person; the only one needs no name."""
+    total, figures = float(plan.time[-1]), plan.summary()["reba"]["people"]
+    return [
+        {
+            "name": person_in_words(name) if len(figures) > 1 else "",
+            **figures[name],
+            "bars": [_bar(run, total) for run in spans],
+        }
+        for name, spans in score_spans(plan).items()
+    ]
 
 
 def _bar(run: ScoreSpan, total: float) -> dict[str, Any]:
@@ -210,13 +236,13 @@ class ScoreSpan:
     ink: str
 
 
-def score_spans(plan: Plan) -> tuple[ScoreSpan, ...]:
-    """Return the spans of equal REBA score in a plan, () without a human; slices begin where the former one ends."""
-    scores = plan.reba()
-    if scores is None:
-        return ()
-    total = np.asarray(scores.reba, dtype=int)
+def score_spans(plan: Plan) -> dict[str, tuple[ScoreSpan, ...]]:
+    """Return person -> spans of equal REBA score in a plan; slices begin where the former one ends."""
     time = np.concatenate([[0.0], plan.time])
+    return {name: _spans(np.asarray(one.reba().reba, dtype=int), time) for name, one in plan.people.items()}
+
+
+def _spans(total: Indices, time: Array) -> tuple[ScoreSpan, ...]:
     firsts = np.flatnonzero(np.diff(total, prepend=-1))
     lasts = np.append(firsts[1:], len(total))
     return tuple(

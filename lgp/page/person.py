@@ -52,13 +52,14 @@ class PersonModel:
 
 
 @cache
-def figure(stature: float, sex: str) -> PersonModel:
-    """Return the meshes of a person of a stature [m] and a sex, "male" or "female".
+def figure(stature: float, sex: str, number: int = 0) -> PersonModel:
+    """Return the meshes of a person of a stature [m] and a sex, "male" or "female", in the shirt of a number.
 
     Raises:
         SceneError: the stature is out of range, or the sex is unknown.
     """
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    table["colours"]["shirt"] = table["shirts"][number % len(table["shirts"])]
     shape = _Shape(table, stature, sex)
     parts = [("head", "")] + [(part, side) for part in ("hand", "shoe") for side in SIDES]
     return PersonModel(shape.skin(), tuple(shape.part(part, side) for part, side in parts))

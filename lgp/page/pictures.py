@@ -80,9 +80,7 @@ class _Stage:
         floor = pyvista.Disc(center=(*middle, -0.002), inner=0.0, outer=outer, c_res=96)
         self.plotter.add_mesh(floor, color=FLOOR, lighting=False)
         self.actors = [self._add(view.meshes[body.mesh])[1] for body in view.bodies]
-        self.skin: pyvista.PolyData | None = None
-        if view.skin is not None:
-            self.skin = self._add(view.skin[0].mesh)[0]
+        self.skins = [self._add(skin.mesh)[0] for skin, _ in view.skins]
 
     def picture(self, moment: int, shot: Shot, size: tuple[int, int]) -> Image.Image:
         """Return the picture of a moment in a shot."""
@@ -91,10 +89,9 @@ class _Stage:
         for body, actor in zip(self.view.bodies, self.actors, strict=True):
             place = body.place if body.frame is None else self.view.place[moment, body.frame] @ body.place
             actor.user_matrix = place
-        if self.skin is not None and self.view.skin is not None:
-            skin, frames = self.view.skin
-            self.skin.points = skinned(skin, self.view.place[moment, frames])
-            self.skin.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False, inplace=True)
+        for (skin, frames), drawn_skin in zip(self.view.skins, self.skins, strict=True):
+            drawn_skin.points = skinned(skin, self.view.place[moment, frames])
+            drawn_skin.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False, inplace=True)
         self.plotter.window_size = [round(FINER * side) for side in size]
         camera = framed(shot.points, shot.towards, size[0] / size[1])
         self.plotter.camera.position, self.plotter.camera.focal_point = camera.eye, camera.target

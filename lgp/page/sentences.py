@@ -12,18 +12,19 @@ from typing import Any
 
 from lgp.kinematics.actions import sentences_of
 from lgp.kinematics.modes import KinematicSwitch
-from lgp.scene.model import Human, Scene
+from lgp.scene.model import Scene
 
 TABLE = Path(__file__).parent / "data" / "sentences.toml"
 
 
 @dataclass(frozen=True)
 class Instruction:
-    """An action in words: a sentence, a few words, and whether the reader acts (`you`) or a robot."""
+    """An action in words: a sentence, a few words, whether the reader acts (`you`) or a robot, and who that is."""
 
     text: str
     short: str
     you: bool
+    who: str
 
 
 def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instruction, ...]:
@@ -67,8 +68,8 @@ def in_words(scene: Scene, text: str) -> str:
     """
     names = {name: f"the {humanised(name)}" for name in (*scene.objects, *scene.tables)}
     names |= {
-        hand: f"your {humanised(scene.hands[hand].name)}"
-        if _is_human(scene, hand)
+        hand: _whose(scene, hand)
+        if scene.hands[hand].human
         else table()["words"]["taker"].format(robot=_robot(scene, hand), arm=_limb(scene, hand))
         for hand in scene.hands
     }
@@ -86,7 +87,8 @@ def table() -> dict[str, Any]:
 
 def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instruction:
     words, actor, text = table()["words"], switch.giver or switch.hand, sentences_of(switch.kind)
-    you, takes = _is_human(scene, actor), _is_human(scene, switch.hand)
+    you, takes = scene.hands[actor].human, scene.hands[switch.hand].human
+    person = scene.hands[actor].agent
     names = {role: _named(scene, name) for role, name in switch.arguments.items()}
     arm = words["taker"].format(robot=_robot(scene, switch.hand), arm=_limb(scene, switch.hand))
     names |= {
@@ -94,11 +96,16 @@ def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instructi
         "giver": humanised(scene.hands[actor].name),
         "robot": _robot(scene, actor),
         "arm": _arm(scene, actor),
-        "taker": f"your {names['hand']}" if takes else arm,
+        "taker": _whose(scene, switch.hand, person) if takes else arm,
     }
-    sentence = (text.own_hands if takes and switch.giver else "") or text.human if you else text.robot
+    to_own = bool(switch.giver) and scene.hands[switch.hand].agent == person
+    sentence = (text.own_hands if to_own else "") or text.human if you else text.robot
     long, short = (one.format(**names) for one in (sentence, text.human_short if you else text.robot_short))
-    return Instruction(long[0].upper() + long[1:], short, you)
+    if you and len(scene.humans) > 1:
+        return Instruction(
+            f"{person_in_words(person)}, {long[0].lower()}{long[1:]}", short, you, person_in_words(person)
+        )
+    return Instruction(long[0].upper() + long[1:], short, you, words["you"] if you else words["other"])
 
 
 def _named(scene: Scene, name: str) -> str:
@@ -106,8 +113,21 @@ def _named(scene: Scene, name: str) -> str:
     return humanised(scene.hands[name].name) if name in scene.hands else f"the {humanised(name)}"
 
 
-def _is_human(scene: Scene, hand: str) -> bool:
-    return isinstance(_agent(scene, hand), Human)
+def person_in_words(name: str) -> str:
+    """Return the name of a person as it is written.
+
+    >>> person_in_words("anna")
+    'Anna'
+    """
+    return humanised(name)[:1].upper() + humanised(name)[1:]
+
+
+def _whose(scene: Scene, hand: str, reader: str = "") -> str:
+    """Return the hand of a person in words: that of the only one, or of the `reader`, is yours."""
+    own = scene.hands[hand]
+    if len(scene.humans) == 1 or own.agent == reader:
+        return f"your {humanised(own.name)}"
+    return str(table()["words"]["taker"].format(robot=person_in_words(own.agent), arm=humanised(own.name)))
 
 
 def _agent(scene: Scene, hand: str) -> Any:

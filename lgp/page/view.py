@@ -42,7 +42,7 @@ class SceneAnimation:
     Attributes:
         meshes: each once.
         bodies: rigid meshes in their frames.
-        skin: of the human and the frames (B,) of its bones, None without a human.
+        skins: of each person, and the frames (B,) of its bones.
         time: (T,) moments [s].
         place: (T, F, 4, 4) poses of the frames in the world [m].
         ends: (K,) number of the last moment of each action.
@@ -51,7 +51,7 @@ class SceneAnimation:
 
     meshes: tuple[Mesh, ...]
     bodies: tuple[MeshInstance, ...]
-    skin: tuple[Skin, Indices] | None
+    skins: tuple[tuple[Skin, Indices], ...]
     frames: tuple[str, ...]
     time: Array
     place: Array
@@ -70,15 +70,15 @@ def scene_animation(motion: Motion) -> SceneAnimation:
     stage.tables()
     stage.objects()
     stage.robots()
-    skin = stage.person() if dense.plan.scene.human else None
+    skins = tuple(stage.person(number, one) for number, one in enumerate(dense.plan.scene.humans.values()))
     place = np.stack(list(stage.place.values()), axis=1)
     ends = (np.arange(dense.phases.count) + 1) * dense.phases.slices
     points = [surface_points(mesh, SPACING) for mesh in stage.meshes]
-    solid = [_solid(stage, skin, points, place[end]) for end in (0, *ends)]
+    solid = [_solid(stage, skins, points, place[end]) for end in (0, *ends)]
     return SceneAnimation(
         tuple(stage.meshes),
         tuple(stage.bodies),
-        skin,
+        skins,
         tuple(stage.place),
         dense.time,
         place,
@@ -100,14 +100,13 @@ def _dense(motion: Motion) -> tuple[Motion, int]:
     return Motion(finer, motion.world), steps
 
 
-def _solid(stage: _Stage, skin: tuple[Skin, Indices] | None, points: list[Array], place: Array) -> Array:
+def _solid(stage: _Stage, skins: tuple[tuple[Skin, Indices], ...], points: list[Array], place: Array) -> Array:
     """Return the surface points (k, 3) of all bodies at a moment in the world [m], from those of each mesh."""
     solid = []
     for body in stage.bodies:
         at = body.place if body.frame is None else place[body.frame] @ body.place
         solid.append(points[body.mesh] @ at[:3, :3].T + at[:3, 3])
-    if skin is not None:
-        solid.append(skinned(skin[0], place[skin[1]]))
+    solid += [skinned(skin, place[frames]) for skin, frames in skins]
     return np.concatenate(solid)
 
 
@@ -150,18 +149,15 @@ class _Stage:
                 number, place = frames[f"{robot.name}.{part.link}"]
                 self.bodies.append(MeshInstance(self.mesh(part.key, part.mesh), number, place @ part.place))
 
-    def person(self) -> tuple[Skin, Indices]:
-        person = self.scene.human
-        if person is None:
-            raise ValueError("the scene has no human; expected one to draw")
-        shape = figure(person.stature, person.sex)
+    def person(self, number: int, person: Human) -> tuple[Skin, Indices]:
+        shape = figure(person.stature, person.sex, number)
         joints = list(dict.fromkeys([*shape.skin.bones, *(joint for joint, _ in shape.parts)]))
         numbers = {
-            joint: self.frame(f"human.{joint}", place)
-            for joint, place in _joints(person, self.motion.human, joints).items()
+            joint: self.frame(f"{person.name}.{joint}", place)
+            for joint, place in _joints(person, self.motion.joints_of(person), joints).items()
         }
         for joint, mesh in shape.parts:
-            self.bodies.append(MeshInstance(self.mesh(f"human.{joint}", mesh), numbers[joint], np.eye(4)))
+            self.bodies.append(MeshInstance(self.mesh(f"{person.name}.{joint}", mesh), numbers[joint], np.eye(4)))
         return shape.skin, np.array([numbers[bone] for bone in shape.skin.bones])
 
     def frame(self, name: str, place: Array) -> int:

@@ -81,7 +81,7 @@ class WarmStartCache:
         before = tuple(
             (modes.attachment(part, number).parent, modes.attachment(part, number).size > 0) for part in parts
         )
-        return last, before, float(phases.loads()[-1])
+        return last, before, tuple(phases.loads()[-1].tolist())
 
     def store_motion(self, phases: Phases, cost: float, keyframes: Array, variables: Array) -> None:
         """Store the keyframes (K, nq) and variables (nz,) of a sequence unless its actions have a cheaper motion."""

@@ -273,5 +273,5 @@ def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> It
 def _moving_limbs(world: World, phases: Phases) -> Indices:
     """Return the joints that move the hands of robots in a sequence, or of all agents where no robot acts in it."""
     hands = {hand for switch in phases.switches for hand in switch.hands}
-    robots = {hand for hand in hands if world.scene.hands[hand].agent != "human"}
+    robots = {hand for hand in hands if not world.scene.hands[hand].human}
     return np.flatnonzero(np.max([world.support(hand) for hand in sorted(robots or hands)], axis=0))

@@ -24,6 +24,7 @@ from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.hessian import RowBlocks
 from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
 from lgp.path.phases import Phases
+from lgp.scene.model import Human
 from reba.arrays import Array, Indices
 
 
@@ -79,8 +80,8 @@ class Constraints:
             for (first, second), joints in equal.items()
         ]
         self._soles = tuple(world.planted)
-        human = world.scene.human
-        self._legs = LegReachConstraint(world) if human is not None and human.legs == "solved" else None
+        people = world.scene.humans.values()
+        self._legs = tuple(LegReachConstraint(world, person) for person in people if person.legs == "solved")
         self._active = active
         self._set_rows(len(knots))
 
@@ -108,10 +109,10 @@ class Constraints:
             self.eq_rows += [
                 ConstraintInfo("sole", unit, at, sole) for at in range(knots) for unit in ["m"] * 3 + ["rad"] * 3
             ]
-        if self._legs is not None:
-            self._first_leg = len(self.in_rows)
-            ineq += [(1, at * nq + self._legs.columns) for at in range(knots)]
-            self.in_rows += [ConstraintInfo("leg", "m", at, "straighter") for at in range(knots)]
+        self._first_leg = len(self.in_rows)
+        for legs in self._legs:
+            ineq += [(1, at * nq + legs.columns) for at in range(knots)]
+            self.in_rows += [ConstraintInfo("leg", "m", at, legs.person) for at in range(knots)]
         self.always = len(self.in_rows)
         if self._active is not None:
             ineq += self._active.blocks(knots * nq)
@@ -139,8 +140,8 @@ class Constraints:
             equality.append(flat[:, second] - flat[:, first])
             eq_blocks.append(np.tile([-1.0, 1.0], (count, len(first))))
         self._add_soles(q, equality, eq_blocks)
-        if self._legs is not None:
-            excess, gradient = self._legs.evaluate(q.reshape(-1, q.shape[2]))
+        for legs in self._legs:
+            excess, gradient = legs.evaluate(q.reshape(-1, q.shape[2]))
             inequality.append(excess.reshape(count, -1))
             in_blocks.append(gradient.reshape(count, -1))
         return Values(
@@ -176,8 +177,7 @@ class Constraints:
         """Return the unknowns of each block of `equality_hessians`, `inequality_hessians` and `action_hessians`."""
         nq, tail = self.world.nq, self.size - self.modes.size
         columns = self.switch_columns()
-        if self._legs is not None:
-            columns.append(np.arange(tail // nq)[:, None] * nq + self._legs.columns)
+        columns += [np.arange(tail // nq)[:, None] * nq + legs.columns for legs in self._legs]
         if self._active is not None:
             columns += self._active.hessian_columns()
         return columns + self._own.convex_columns()
@@ -198,13 +198,18 @@ class Constraints:
 
     def leg_hessians(self, q: Array, y: Array) -> list[tuple[Indices, Array]]:
         """Return the unknowns of leg reach in each knot and its curvature (B, p, p) at B points (B, P, nq)."""
-        if self._legs is None:
-            return []
         count, knots, nq = q.shape
-        curvature = self._legs.curvature(q.reshape(-1, nq)).reshape(count, knots, -1)
-        curvature *= y[:, self._first_leg : self._first_leg + knots, None]
-        size = len(self._legs.columns)
-        return [(at * nq + self._legs.columns, curvature[:, at].reshape(-1, size, size)) for at in range(knots)]
+        blocks = []
+        for legs, multipliers in zip(self._legs, self._leg_rows(y, knots), strict=True):
+            curvature = legs.curvature(q.reshape(-1, nq)).reshape(count, knots, -1) * multipliers[..., None]
+            size = len(legs.columns)
+            blocks += [(at * nq + legs.columns, curvature[:, at].reshape(-1, size, size)) for at in range(knots)]
+        return blocks
+
+    def _leg_rows(self, y: Array, knots: int) -> list[Array]:
+        """Return the part (..., P) of inequalities or multipliers (..., m) that is the leg reach of each person."""
+        first = self._first_leg
+        return [y[..., first + at * knots : first + (at + 1) * knots] for at in range(len(self._legs))]
 
     def curved_equalities(self) -> list[Indices]:
         """Return the unknowns of each block of equalities with curvature: the first blocks of the equalities."""
@@ -212,10 +217,10 @@ class Constraints:
 
     def inequality_hessians(self, q: Array, z: Array, y: Array) -> list[Array]:
         """Return the convex part of sum_i y_i d2 row_i (n, p, p) of leg reach, then of active rows."""
-        hessians = []
-        if self._legs is not None:
-            multipliers = y[self._first_leg : self._first_leg + len(q)]
-            hessians.append(multipliers[:, None, None] * self._legs.curvature(q))
+        hessians = [
+            multipliers[:, None, None] * legs.curvature(q)
+            for legs, multipliers in zip(self._legs, self._leg_rows(y, len(q)), strict=True)
+        ]
         if self._active is not None:
             hessians += self._active.hessian(q, z, y[len(y) - len(self._active) :])
         return hessians
@@ -279,15 +284,17 @@ BLEND = 1e-4
 
 
 class LegReachConstraint:
-    """Leg reach of a human whose legs follow from the pelvis: a smooth maximum (log-sum-exp) over both legs.
+    """Leg reach of a person whose legs follow from the pelvis: a smooth maximum (log-sum-exp) over both legs.
 
-    It depends on `columns` (p,) of q: those of the pelvis that move.
+    Attributes:
+        person: name of the person.
+        columns: (p,) of q: those of the pelvis that move.
     """
 
-    def __init__(self, world: World) -> None:
-        self.posture = PostureMap(world)
-        pelvis = (world.column[f"human.{name}"] for name in PELVIS if f"human.{name}" in world.column)
-        self.columns = np.array(sorted(pelvis), dtype=np.intp)
+    def __init__(self, world: World, person: Human) -> None:
+        self.person, self.posture = person.name, PostureMap(world, person)
+        pelvis = (world.column.get(f"{person.name}.{name}") for name in PELVIS)
+        self.columns = np.array(sorted(column for column in pelvis if column is not None), dtype=np.intp)
         self._own = np.searchsorted(self.posture.columns, self.columns)
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
@@ -306,6 +313,6 @@ class LegReachConstraint:
 
     def _sides(self, q: Array) -> tuple[Array, Array, Array]:
         """Return by how much [m] each leg is too short (n, 2), its gradient (n, 2, p), its share in the maximum."""
-        excess, by_human = self.posture.leg_shortfall(q)
+        excess, by_person = self.posture.leg_shortfall(q)
         weights = np.exp((excess - excess.max(axis=1, keepdims=True)) / BLEND)
-        return excess, by_human[:, :, self._own], weights / weights.sum(axis=1, keepdims=True)
+        return excess, by_person[:, :, self._own], weights / weights.sum(axis=1, keepdims=True)

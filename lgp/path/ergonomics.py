@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from dreba.surrogates.task_factors import delta_payload
 from lgp.errors import LgpError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
+from lgp.scene.model import Human
 from reba.arrays import Array, Flags, Indices
 from reba.posture.columns import COLUMNS, INDEX
 
@@ -24,22 +26,23 @@ PROBES = 64
 
 
 class Ergonomics:
-    """A surrogate on the configurations of a world.
+    """A surrogate on the configurations of a world: the sum of the scores of its persons.
 
     A carried load adds its mass / 5 kg (equation 4 of the paper), so that light loads have a cost: the load classes
     of REBA begin at 5 kg. Scores are at least 0: where a surrogate is below 0 its minimum is subtracted, so that no
     motion gets cheaper by taking longer.
 
     Attributes:
+        people: the score of each person, in the order of the scene.
+        posture: that of the first one.
         columns: columns of q that the cost depends on, (k,).
         lower_bound: least score of any posture inside the joint limits without a load. A surrogate that is convex in
             the angles has one minimum; others are minimised from many postures, and the bound is their lowest minimum.
-        shift: constant added to the surrogate's values.
         form: "linear" adds equation 4, "model" passes loads to the surrogate.
         stages: continuation stages: temperatures to minimise at one after another, (None,) for a surrogate without; the
             last one is the cost of a plan.
-        parts: blocks of the Hessian as places in `columns`: one block of all of them, or, for an additive surrogate,
-            the joints that share an angle.
+        parts: blocks of the Hessian as places in `columns`: one block of all joints of a person, or, for an additive
+            surrogate, the joints that share an angle.
 
     Raises:
         LgpError: an unknown payload, or a surrogate with a column that is no posture angle.
@@ -54,10 +57,51 @@ class Ergonomics:
             raise LgpError(
                 f"cost model: joint {unknown[0]!r} is no posture angle of the human; fit it on columns of reba.COLUMNS"
             )
+        people = tuple(world.scene.humans.values()) or (None,)  # PostureMap says what a scene without a human lacks
+        self.people = tuple(PersonScore(world, person, model, payload) for person in people)
+        self.posture = self.people[0].posture
         self.world, self.model, self.form = world, model, payload
-        self.posture = PostureMap(world)
-        self.columns = self.posture.columns
         self.stages: tuple[float | None, ...] = tuple(model.temperatures_) or (None,)
+        self.columns = np.concatenate([one.columns for one in self.people])
+        firsts = np.cumsum([0, *(len(one.columns) for one in self.people)])
+        self.parts = [first + part for first, one in zip(firsts, self.people, strict=False) for part in one.parts]
+        self.lower_bound = sum(one.lower_bound for one in self.people)
+
+    def value(self, q: Array, loads: Array, stage: int = -1) -> Array:
+        """Return the scores (n,) of configurations (n, nq), all persons added, without `payload`.
+
+        Args:
+            loads: what each person carries [kg], (n, persons); (n,) of one.
+        """
+        return np.sum([one.value(q, own, self.stages[stage]) for one, own in self._of_people(loads)], axis=0)
+
+    def payload(self, loads: Array) -> Array:
+        """Return the score (n,) that loads, as of `value`, add to it: mass / 5 kg."""
+        added = [
+            delta_payload(own, "linear") if self.form == "linear" else np.zeros(len(own))
+            for _, own in self._of_people(loads)
+        ]
+        return np.sum(added, axis=0)
+
+    def quadratic_model(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
+        """Return value (n,), gradient (n, k) by `columns`, and a convex Hessian block (n, m, m) of each part."""
+        models = [one.quadratic_model(q, own, self.stages[stage]) for one, own in self._of_people(loads)]
+        values, gradients, blocks = zip(*models, strict=True)
+        return np.sum(values, axis=0), np.concatenate(gradients, axis=1), [one for part in blocks for one in part]
+
+    def _of_people(self, loads: Array) -> Iterator[tuple[PersonScore, Array]]:
+        """Yield each person's score and loads (n,)."""
+        return zip(self.people, np.reshape(loads, (len(loads), len(self.people))).T, strict=True)
+
+
+class PersonScore:
+    """The score of one person of a world; `shift` is the constant added to the values of the surrogate."""
+
+    def __init__(self, world: World, person: Human | None, model: Surrogate, payload: Payload) -> None:
+        self.world, self.model, self.form = world, model, payload
+        self.posture = PostureMap(world, person)
+        self.columns = self.posture.columns
+        self._sharpest = (tuple(model.temperatures_) or (None,))[-1]
         self._chosen = [INDEX[name] for name in model.joints_]
         self._evaluated: tuple[Array, Array, Array] | None = None
         q = self._sample()
@@ -69,24 +113,20 @@ class Ergonomics:
         self.shift = max(-least, 0.0)
         self.lower_bound = least + self.shift
 
-    def value(self, q: Array, loads: Array, stage: int = -1) -> Array:
-        """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg], without `payload`."""
+    def value(self, q: Array, loads: Array, temperature: float | None) -> Array:
+        """Return the surrogate's score (n,) of configurations (n, nq) with loads (n,) [kg], without the payload."""
         angles, _ = self._angles(q)
-        factors: dict[str, Any] = {"load": self._model_loads(loads), "temperature": self.stages[stage]}
+        factors: dict[str, Any] = {"load": self._model_loads(loads), "temperature": temperature}
         return self.shift + np.asarray(self.model.value(angles, **factors))
-
-    def payload(self, loads: Array) -> Array:
-        """Return the score (n,) that loads (n,) [kg] add to `value`: mass / 5 kg."""
-        return np.asarray(delta_payload(loads, "linear")) if self.form == "linear" else np.zeros(len(loads))
 
     def _model_loads(self, loads: Array) -> Array:
         """Return the loads [kg] that the surrogate itself takes into account."""
         return loads if self.form == "model" else np.zeros(len(loads))
 
-    def quadratic_model(self, q: Array, loads: Array, stage: int = -1) -> tuple[Array, Array, list[Array]]:
+    def quadratic_model(self, q: Array, loads: Array, temperature: float | None) -> tuple[Array, Array, list[Array]]:
         """Return value (n,), gradient (n, k) by `columns`, and a convex Hessian block (n, m, m) of each part."""
         angles, jacobian = self._angles(q)
-        factors: dict[str, Any] = {"load": self._model_loads(loads), "temperature": self.stages[stage]}
+        factors: dict[str, Any] = {"load": self._model_loads(loads), "temperature": temperature}
         value, by_angles = self.model.value_and_gradient(angles, **factors)
         gradient = np.matmul(by_angles[:, None, :], jacobian)[:, 0]
         if self._additive:
@@ -160,7 +200,7 @@ class Ergonomics:
 
     def _is_additive(self, angles: Array) -> bool:
         """Whether the surrogate is a sum of functions of one angle each."""
-        hessian = np.array(self.model.hessian(angles[:PROBES], temperature=self.stages[-1]))
+        hessian = np.array(self.model.hessian(angles[:PROBES], temperature=self._sharpest))
         np.einsum("nii->ni", hessian)[:] = 0.0
         return not hessian.any()
 
@@ -170,11 +210,11 @@ class Ergonomics:
 
         # The box contains all postures, so its minimum is not above theirs.
         box = list(zip(angles.min(axis=0) - 1.0, angles.max(axis=0) + 1.0, strict=True))
-        values = np.asarray(self.model.value(angles, temperature=self.stages[-1]))
+        values = np.asarray(self.model.value(angles, temperature=self._sharpest))
         starts = angles[np.argsort(values)[:MINIMISATIONS]]
 
         def objective(x: Array) -> tuple[float, Array]:
-            value, slope = self.model.value_and_gradient(x, temperature=self.stages[-1])
+            value, slope = self.model.value_and_gradient(x, temperature=self._sharpest)
             return float(value), np.asarray(slope)
 
         minima = [minimize(objective, start, jac=True, bounds=box, method="L-BFGS-B").fun for start in starts]

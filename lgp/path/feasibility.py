@@ -138,9 +138,8 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
         elif row.kind == "collision":
             messages.append((value, f"{_phase_of_knot(problem, row.number)}: {_collision(row.name, value)}"))
         else:
-            messages.append(
-                (value, f"{_phase_of_knot(problem, row.number)}: the {row.name} leg is {value:.3f} m too short")
-            )
+            text = f"the straighter leg of {row.name} is {value:.3f} m too short"
+            messages.append((value, f"{_phase_of_knot(problem, row.number)}: {text}"))
     amount, text = max(messages, default=(0.0, ""))
     return text if amount > REPORTED else ""
 

@@ -22,8 +22,8 @@ BROKEN: Final = 1e-4
 def speed_limits(world: World) -> Array:
     """Return the speed limit of each joint [rad/s, m/s], (nq,); inf where a URDF gives none."""
     limits = world.speed_limit.copy()
-    if world.scene.human is not None:
-        for column in world.columns("human"):
+    for person in world.scene.humans:
+        for column in world.columns(person):
             limits[column] = speed_limit(world.joints[column].partition(".")[2])
     return np.asarray(limits, dtype=np.float64)
 

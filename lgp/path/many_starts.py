@@ -8,6 +8,7 @@ minimum.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ import scipy.sparse as sp
 
 from lgp.kinematics.ik import least_squares
 from lgp.path.costs import eliminate_slices
+from lgp.path.ergonomics import PersonScore
 from lgp.path.hessian import MAX_VIOLATION, PENALTY, admissible_shares
 from lgp.path.problem import VARIABLE_CURVATURE, PathProblem
 from lgp.sqp.many import ManyModels, solve_many
@@ -56,12 +58,38 @@ class Minima:
     starts: int
 
 
+@dataclass(frozen=True)
+class _ScoredKeyframes:
+    """The keyframes (k,) in which the posture of a person counts: those in which the person acts.
+
+    Attributes:
+        loads: what the person carries in them [kg], (k,).
+    """
+
+    score: PersonScore
+    at: Indices
+    loads: Array
+    temperature: float | None
+
+    @classmethod
+    def of(cls, problem: PathProblem, number: int, acting: Sequence[Indices]) -> _ScoredKeyframes:
+        """Return those of the person of a number, for the joints that are unknowns in each keyframe."""
+        assert problem.ergonomics is not None
+        score = problem.ergonomics.people[number]
+        at = np.flatnonzero([np.isin(score.columns, joints).any() for joints in acting])
+        return cls(score, at, problem.loads[at, number], problem.ergonomics.stages[problem.stage])
+
+    def knots(self, q: Array) -> tuple[Array, Array]:
+        """Return configurations (B k, nq) and loads (B k,) of these keyframes in (B, P, nq)."""
+        return q[:, self.at].reshape(-1, q.shape[2]), np.tile(self.loads, len(q))
+
+
 class ManyStarts:
     """The sequence problem `problem` on the joints that act."""
 
     def __init__(self, problem: PathProblem) -> None:
         self.problem = problem
-        world, self.nq, knots = problem.world, problem.world.nq, len(problem.knots)
+        self.nq, knots = problem.world.nq, len(problem.knots)
         acting = self._acting()
         self.columns = np.concatenate(
             [*(at * self.nq + joints for at, joints in enumerate(acting)), np.arange(knots * self.nq, problem.n)]
@@ -74,27 +102,22 @@ class ManyStarts:
         self._spread(acting)
         self._rows = [_Rows(rows.matrix, self._place) for rows in problem.constraints.row_blocks]
         self._blocks = [self._place[block] for block in problem.constraints.switch_columns()]
-        human = world.columns("human") if world.scene.human is not None else np.zeros(0, np.intp)
-        self._scored = np.array([at for at, joints in enumerate(acting) if len(human) and human[0] in joints], np.intp)
-        self._score_elsewhere = 0.0
-        if problem.ergonomics is not None:
-            least = problem.ergonomics.lower_bound
-            self._score_elsewhere = problem.score_elsewhere + least * float(
-                np.delete(problem.rates, self._scored).sum()
-            )
+        people = () if problem.ergonomics is None else problem.ergonomics.people
+        scored = [_ScoredKeyframes.of(problem, number, acting) for number in range(len(people))]
+        self._score_elsewhere = problem.score_elsewhere + sum(
+            one.score.lower_bound * float(np.delete(problem.rates, one.at).sum()) for one in scored
+        )
+        self._scored = [one for one in scored if len(one.at)]
 
     def _acting(self) -> list[Indices]:
-        """Return the joints that are unknowns in each keyframe."""
+        """Return the joints that are unknowns in each keyframe: of a person who acts all."""
         problem, world = self.problem, self.problem.world
+        people = [set(world.columns(name).tolist()) for name in world.scene.humans]
         acting = [np.zeros(0, np.intp)] * len(problem.knots)
         for number in problem.constraints.enforced:
             at = int(np.searchsorted(problem.knots, problem.phases.keyframes[number]))
             joints = set(problem.constraints.limb(number).tolist())
-            for agent in world.scene.agents:
-                own = world.columns(agent.name)
-                if agent is world.scene.human and joints & set(own.tolist()):
-                    joints |= set(own.tolist())
-            acting[at] = np.array(sorted(joints), np.intp)
+            acting[at] = np.array(sorted(joints.union(*(own for own in people if joints & own))), np.intp)
         return acting
 
     def _spread(self, acting: list[Indices]) -> None:
@@ -135,18 +158,13 @@ class ManyStarts:
         values = self.problem.constraints.evaluate_many(q, z)
         away = u - self._rest
         cost = 0.5 * np.einsum("bi,bi->b", away, away @ self._quadratic) + self._score_elsewhere
-        ergonomics = self.problem.ergonomics
-        if ergonomics is not None and len(self._scored):
-            scores = ergonomics.value(*self._scored_knots(q), self.problem.stage)
-            cost += scores.reshape(len(u), -1) @ self.problem.rates[self._scored]
+        for one in self._scored:
+            scores = one.score.value(*one.knots(q), one.temperature)
+            cost += scores.reshape(len(u), -1) @ self.problem.rates[one.at]
         if self.problem.terms:
             own = self.problem.terms.value(q.reshape(-1, self.nq)).reshape(len(u), -1)
             cost += own @ self.problem.term_rates
         return cost, values.equality[:, self._rows[0].kept], values.inequality[:, self._rows[1].kept]
-
-    def _scored_knots(self, q: Array) -> tuple[Array, Array]:
-        """Return configurations and loads of the keyframes whose posture counts."""
-        return q[:, self._scored].reshape(-1, self.nq), np.tile(self.problem.loads[self._scored], len(q))
 
     def linearise(self, u: Array, y_eq: Array, y_in: Array) -> ManyModels:
         """Return the convex models at u (B, n)."""
@@ -169,14 +187,13 @@ class ManyStarts:
             own = self._place[columns]
             if (own >= 0).all():
                 hessian[:, own[:, None], own] += block
-        ergonomics = problem.ergonomics
-        if ergonomics is not None and len(self._scored):
-            _, slope, parts = ergonomics.quadratic_model(*self._scored_knots(q), problem.stage)
-            for number, at in enumerate(self._scored):
-                pick = slice(number, None, len(self._scored))
-                own = self._place[at * self.nq + ergonomics.columns]
+        for one in self._scored:
+            _, slope, parts = one.score.quadratic_model(*one.knots(q), one.temperature)
+            for number, at in enumerate(one.at):
+                pick = slice(number, None, len(one.at))
+                own = self._place[at * self.nq + one.score.columns]
                 gradient[:, own] += problem.rates[at] * slope[pick]
-                for part, block in zip(ergonomics.parts, parts, strict=True):
+                for part, block in zip(one.score.parts, parts, strict=True):
                     hessian[:, own[part][:, None], own[part]] += problem.rates[at] * block[pick]
         if problem.terms:
             self._add_terms(q, gradient, hessian)

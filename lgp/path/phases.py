@@ -97,16 +97,19 @@ class Phases:
         return np.cumsum(self.steps)
 
     def loads(self) -> Array:
-        """Return the mass in the hands of the human in each slice [kg], (T,)."""
+        """Return the mass in the hands of each of the H persons in each slice [kg], (T, H)."""
         held = {name: part.hand for name, part in self.scene.objects.items() if part.hand}
-        masses = np.zeros(self.count)
+        people = {name: at for at, name in enumerate(self.scene.humans)}
+        masses = np.zeros((self.count, len(people)))
         for number, switch in enumerate(self.switches):
-            masses[number] = sum(self.scene.objects[name].mass for name, hand in held.items() if self._human(hand))
+            for name, hand in held.items():
+                if self.scene.hands[hand].human:
+                    masses[number, people[self.scene.hands[hand].agent]] += self.scene.objects[name].mass
             if switch.action.attaches_to == "hand":
                 held[switch.object_name] = switch.hand
             elif switch.action.attaches_to == "table":
                 held.pop(switch.object_name, None)
-        return np.repeat(masses, self.slices)
+        return np.repeat(masses, self.slices, axis=0)
 
     @property
     def action_cost(self) -> float:
@@ -116,9 +119,6 @@ class Phases:
     def label(self, number: int) -> str:
         """Return an action as the paper prints it, with its number from 1."""
         return self.actions[number].at(number + 1)
-
-    def _human(self, hand: str) -> bool:
-        return self.scene.hands[hand].agent == "human"
 
 
 def switch_of(action: Action) -> KinematicSwitch:

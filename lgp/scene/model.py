@@ -33,6 +33,7 @@ class Hand:
         freedom: rotation of an object relative to the hand: "free", about the "axis" z only, about the axis y of a
             "jaw", or "fixed".
         payload: largest mass that it carries [kg]; infinite where the scene states none.
+        human: whether it is a person's.
     """
 
     agent: str
@@ -43,6 +44,7 @@ class Hand:
     tilt: float
     freedom: str
     payload: float = math.inf
+    human: bool = False
 
     @property
     def full(self) -> str:
@@ -52,7 +54,7 @@ class Hand:
 
 @dataclass(frozen=True)
 class Agent:
-    """The human or a robot, its base at `position` [m] with `yaw` [deg], 0 faces x.
+    """A person or a robot, its base at `position` [m] with `yaw` [deg], 0 faces x.
 
     Attributes:
         locked: patterns of joints that do not move.
@@ -69,7 +71,7 @@ class Agent:
 
 @dataclass(frozen=True)
 class Human(Agent):
-    """The human: stature [m] and sex scale the body.
+    """A person: stature [m] and sex scale the body.
 
     `legs`: "planted" (12 leg joints, soles fixed by constraints), "solved" (closed-form inverse kinematics from the
     pelvis, without joints, same postures) or "locked" (rigid legs below a free pelvis).
@@ -262,7 +264,7 @@ class Scene:
         phase_seconds: duration of each phase [s], or the first guess of it.
         durations: "fixed", "stretched" where a joint would be too fast, or "free" where they are unknowns of a plan.
         slices: slices per phase of a path.
-        human: the human, or None.
+        humans: persons by name; that of `[human]` is "human".
         robots: robots by name.
         tables: tables by full name.
         objects: by name.
@@ -282,7 +284,7 @@ class Scene:
     goal: tuple[str, ...]
     phase_seconds: float
     slices: int
-    human: Human | None
+    humans: Mapping[str, Human]
     robots: Mapping[str, Robot]
     tables: Mapping[str, Table]
     objects: Mapping[str, SceneObject]
@@ -297,12 +299,17 @@ class Scene:
 
     @property
     def agents(self) -> tuple[Agent, ...]:
-        """The human, then the robots."""
-        return (*([self.human] if self.human else []), *self.robots.values())
+        """The persons, then the robots."""
+        return (*self.humans.values(), *self.robots.values())
+
+    @property
+    def human(self) -> Human | None:
+        """The first person, for what is about one person only; None without any."""
+        return next(iter(self.humans.values()), None)
 
     @property
     def hands(self) -> dict[str, Hand]:
-        """Every end-effector by full name, the human's first."""
+        """Every end-effector by full name, those of persons first."""
         return {hand.full: hand for agent in self.agents for hand in agent.hands}
 
     def ergonomic_weight(self, slices: int | None = None) -> float:

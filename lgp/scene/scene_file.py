@@ -13,7 +13,6 @@ from typing import Any
 
 from lgp.errors import SceneError
 from lgp.logic.pddl import shipped_domains
-from lgp.scene.body_measures import STATURE, table
 from lgp.scene.mobile_base import read_base
 from lgp.scene.model import (
     HAND_CLEARANCE,
@@ -21,13 +20,13 @@ from lgp.scene.model import (
     FreeParameter,
     Grip,
     Hand,
-    Human,
     Robot,
     Scene,
     SceneCost,
     SceneObject,
     Table,
 )
+from lgp.scene.people import FREEDOMS, RESERVED, SHORT, payload_of, read_people
 from lgp.scene.surroundings import FARTHEST, read_obstacle, read_shelf
 from reba.checks import PATH, accepts
 from reba.errors import did_you_mean
@@ -45,8 +44,6 @@ FINGER = 0.08
 """[m] How far a grip may be below the surface: a finger's length."""
 SHORTEST_PHASE = 0.2
 """[s] Shortest phase (a choice): no action of a person is done in less."""
-FREEDOMS = ("free", "axis", "jaw", "fixed")
-LEGS = ("planted", "solved", "locked")
 COST_PER = ("second", "slice")
 
 
@@ -152,7 +149,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         goal=entries.texts("goal"),
         phase_seconds=entries.number("phase_seconds", PHASE_SECONDS, low=SHORTEST_PHASE, high=600.0),
         slices=_slices(entries),
-        human=_human(entries.table("human")) if entries.has("human") else None,
+        humans=read_people(entries),
         robots={key: _robot(key, entry) for key, entry in entries.tables("robots").items()},
         tables=tables,
         objects=objects,
@@ -216,33 +213,8 @@ def _cost(entries: TomlTable) -> SceneCost:
     return cost
 
 
-def _human(entries: TomlTable) -> Human:
-    x, y = entries.vector("position", 2, (0.0, 0.0), -FARTHEST, FARTHEST)
-    hands = [f"{side}_hand" for side in ("left", "right")]
-    chosen = entries.texts("hands", ("right_hand",))
-    for hand in chosen:
-        if hand not in hands:
-            raise SceneError(f"{entries.where}: no hand {hand!r}, expected {' or '.join(hands)}")
-    tilt = entries.number("tilt", 180.0, 0.0, 180.0)
-    freedom = entries.text("freedom", "free", FREEDOMS)
-    payload = _payload(entries)
-    human = Human(
-        name="human",
-        position=(x, y, 0.0),
-        yaw=entries.number("yaw", 0.0),
-        hands=tuple(Hand("human", hand, hand, 0.0, "human_hand", tilt, freedom, payload) for hand in chosen),
-        locked=entries.texts("locked", ()),
-        joints=entries.numbers("joints"),
-        stature=entries.number("stature", 1.75, *STATURE),
-        sex=entries.text("sex", "male", table()["de_leva"]),
-        legs=entries.text("legs", "solved", LEGS),
-    )
-    entries.done()
-    return human
-
-
 def _robot(name: str, entries: TomlTable) -> Robot:
-    if name in ("human", "table", "obstacle"):
+    if name in (SHORT, *RESERVED):
         raise SceneError(f"{entries.where}: robot name {name!r} is reserved; give it another name")
     model = entries.text("model")
     known = known_robots().get(model, {})
@@ -280,14 +252,10 @@ def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -
         kind=entries.text("kind", "robot_hand"),
         tilt=entries.number("tilt", 90.0, 0.0, 180.0),
         freedom=entries.text("freedom", "free", FREEDOMS),
-        payload=_payload(entries, float(known.get("payload", math.inf))),
+        payload=payload_of(entries, float(known.get("payload", math.inf))),
     )
     entries.done()
     return hand
-
-
-def _payload(entries: TomlTable, default: float = math.inf) -> float:
-    return entries.number("payload", low=0.0) if entries.has("payload") else default
 
 
 def _table(name: str, entries: TomlTable) -> Table:
@@ -371,11 +339,25 @@ def _assembly(number: int, value: Any, name: str, objects: Mapping[str, SceneObj
     return assembly
 
 
+def _check_distinct(scene: Scene) -> None:
+    """Refuse two things of one name among what plans name: persons, robots, hands, objects and tables."""
+    kinds = {"person": scene.humans, "robot": scene.robots, "hand": scene.hands, "object": scene.objects,
+             "table": scene.tables}  # fmt: skip
+    known: dict[str, str] = {}
+    for kind, names in kinds.items():
+        for name in names:
+            if name in known:
+                both = f"{known[name]} and {kind}"
+                raise SceneError(f"{scene.name}: {name!r} is the name of two, {both}; give one of them another name")
+            known[name] = kind
+
+
 def _check_names(scene: Scene) -> None:
     """Refuse a scene without agents, and hands or atoms with unknown names."""
+    _check_distinct(scene)
     known = scene.object_types
     if not scene.agents:
-        raise SceneError(f"{scene.name}: no agent, expected [human] or [robots.NAME]; add one of them")
+        raise SceneError(f"{scene.name}: no agent, expected [human], [humans.NAME] or [robots.NAME]; add one of them")
     for scene_object in scene.objects.values():
         if scene_object.hand and scene_object.hand not in scene.hands:
             hint = did_you_mean(scene_object.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"

@@ -47,7 +47,7 @@ class RetargetedMotion:
 
 
 class Retarget:
-    """Retargeting of one plan to other statures; errors name the plan as `name`.
+    """Retargeting of the first person of a plan to other statures; errors name the plan as `name`.
 
     Attributes:
         planned: motion of the person of the plan.
@@ -60,10 +60,11 @@ class Retarget:
     def __init__(self, plan: Plan, name: str = "the plan") -> None:
         if not plan.feasible:
             raise LgpError(f"{name}: the plan is infeasible ({plan.reason}); give a feasible one")
-        if plan.scene.human is None or not len(plan.posture):
+        person = plan.scene.human
+        if person is None or not len(plan.posture):
             raise LgpError(f"{name}: the plan has no human; give one with a human")
         self.planned = RetargetedMotion(plan.time - plan.time[0], plan.phase, plan.posture, plan.carried)
-        self.scene, self.human = replace(plan.scene, robots={}), plan.scene.human
+        self.scene, self.human = replace(plan.scene, robots={}, humans={person.name: person}), person
         self.stature = self.human.stature
         world = World(self.scene)
         index = {joint: column for column, joint in enumerate(plan.joints)}
@@ -87,10 +88,10 @@ class Retarget:
         return self._motions[stature]
 
     def _retarget(self, stature: float) -> RetargetedMotion:
-        world = World(replace(self.scene, human=replace(self.human, stature=stature)))
+        world = World(replace(self.scene, humans={self.human.name: replace(self.human, stature=stature)}))
         own, _ = hand_positions(world, self.path)
         targets = own + self.working * (self.hands - own)
-        slides = ("human.pelvis_x", "human.pelvis_y", "human.pelvis_z")
+        slides = [f"{self.human.name}.pelvis_{axis}" for axis in "xyz"]
         unit = np.array([STEP if joint in slides else 1.0 for joint in world.joints])
 
         def residuals(scaled: Array, which: Indices) -> tuple[Array, Array]:
@@ -102,8 +103,8 @@ class Retarget:
 
 
 def hand_positions(world: World, q: Array) -> tuple[Array, Array]:
-    """Positions of both hands (T, 6) [m] and their Jacobian (T, 6, nq)."""
-    names = [f"human.{side}_hand" for side in SIDES]
+    """Positions of both hands of the first person (T, 6) [m] and their Jacobian (T, 6, nq)."""
+    names = [f"{next(iter(world.scene.humans))}.{side}_hand" for side in SIDES]
     kinematics = world.at(q, names)
     places = [kinematics.placement(name) for name in names]
     return (

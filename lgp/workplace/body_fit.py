@@ -44,9 +44,11 @@ def person(stature: float, sex: str) -> World:
         29
     """
     rest_posture(stature, sex)  # refuses what is out of range before a model is built
-    hands = tuple(Hand("human", f"{side}_hand", f"{side}_hand", 0.0, "human_hand", 180.0, "free") for side in SIDES)
+    hands = tuple(
+        Hand("human", f"{side}_hand", f"{side}_hand", 0.0, "human_hand", 180.0, "free", human=True) for side in SIDES
+    )
     human = Human("human", (0.0, 0.0, 0.0), 0.0, hands, (), {}, stature, sex, "solved")
-    return World(Scene("person", "", "", (), (), 1.0, 1, human, {}, {}, {}))
+    return World(Scene("person", "", "", (), (), 1.0, 1, {human.name: human}, {}, {}, {}))
 
 
 @dataclass(frozen=True)

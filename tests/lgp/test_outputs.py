@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import lgp
@@ -93,7 +92,8 @@ def test_a_plan_replaces_the_former_one_whole_or_not_at_all(
 ) -> None:
     plan.save(tmp_path)
     before = files(tmp_path)
-    other = replace(plan, path=plan.path + 0.1, carried=plan.carried + 1.0)
+    heavier = replace(plan.people["human"], carried=plan.carried + 1.0)
+    other = replace(plan, path=plan.path + 0.1, people={"human": heavier})
 
     def full(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")
@@ -105,7 +105,7 @@ def test_a_plan_replaces_the_former_one_whole_or_not_at_all(
                 other.save(tmp_path)
         says(error, tmp_path, "cannot be written", "No space left")
         assert files(tmp_path) == before
-    replace(plan, posture=np.zeros((0, 0)), carried=np.zeros(len(plan.time))).save(tmp_path)
+    replace(plan, people={}).save(tmp_path)
     assert {*files(tmp_path)} == {"plan.json", "path.parquet"}
     assert lgp.Plan.load(tmp_path).posture.size == 0
 

@@ -43,7 +43,7 @@ def human_world(legs: str = "solved") -> World:
     """Return a world with a human alone, away from the origin and rotated."""
     scene = read_scene(HUMAN_ONLY)
     assert scene.human is not None
-    return World(replace(scene, human=replace(scene.human, legs=legs)))
+    return World(replace(scene, humans={"human": replace(scene.human, legs=legs)}))
 
 
 @cache

@@ -7,8 +7,8 @@ const follow = { connected: false };
 window.follow = follow;
 
 const STATES = {
-  running: (yours) => (yours ? "Your turn" : "The robot is working"),
-  waiting: (yours) => (yours ? "Waiting for you" : "Waiting"),
+  running: (person) => (person ? `${person === "You" ? "Your" : `${person}'s`} turn` : "The robot is working"),
+  waiting: (person) => (person ? `Waiting for ${person === "You" ? "you" : person}` : "Waiting"),
   failed: () => "Stopped",
   finished: () => "Finished",
 };
@@ -37,7 +37,7 @@ function onEvent({ action, state, text, plan: number, wait }) {
   } else if (state !== "done") {
     const heading = STATES[state];
     const kind = yours && (state === "waiting" || state === "running") ? "yours" : state;
-    if (heading) showBanner(kind, heading(yours), text || "");
+    if (heading) showBanner(kind, heading(yours ? known.who : ""), text || "");
   }
   const slide = state === "finished" ? plan.actions.length + 1 : known ? action + 1 : null;
   // The worker may look at other slides; only a new action changes the slide.

@@ -44,12 +44,13 @@ function show(time) {
   const current = bounds.findIndex((bound, number) => number && time <= bound + 1e-9) - 1;
   const marked = player.action < 0 && !player.playing ? -1 : Math.max(current, 0);
   document.querySelectorAll(".steps i").forEach((step, number) => step.classList.toggle("current", number === marked));
-  const run = plan.runs.find((one) => time <= one.end + 1e-9);
-  if (run) {
-    find(".reba b").textContent = run.score;
-    find(".reba .risk").textContent = `${run.risk} risk`;
-    find(".reba").style.borderLeftColor = run.colour;
-  }
+  document.querySelectorAll(".reba").forEach((box, number) => {
+    const run = plan.people[number].find((one) => time <= one.end + 1e-9);
+    if (!run) return;
+    find("b", box).textContent = run.score;
+    find(".risk", box).textContent = `${run.risk} risk`;
+    box.style.borderLeftColor = run.colour;
+  });
 }
 
 player.play = (from = span()[0]) => {

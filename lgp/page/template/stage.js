@@ -59,7 +59,7 @@ class Stage {
       mesh.castShadow = mesh.receiveShadow = true;
       (body.frame === null ? this.scene : this.frames[body.frame]).add(mesh);
     }
-    if (this.view.skin) this.addSkin(this.view.skin);
+    for (const skin of this.view.skins) this.addSkin(skin);
   }
 
   addSkin(skin) {

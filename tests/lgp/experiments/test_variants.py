@@ -16,6 +16,7 @@ from lgp.experiments.variants import setting, variants
 from lgp.experiments.variations import values_of_weight
 from lgp.experiments.weight_figure import weight_figure
 from lgp.path.costs import Weights
+from tests.support.paths import ROOT
 from tests.support.says import says
 from tests.support.screwdriver_runs import made
 
@@ -78,3 +79,10 @@ def test_the_page_shows_the_variant_and_the_sweep_of_the_weight() -> None:
     assert (np.diff(left[:, 0]) > 0).all()
     assert (np.diff(left[:, 1]) > 0).all()  # downwards on the page: the share falls with the weight
     assert weight_figure(rows[:1], values_of_weight(scene)) == ""
+
+
+@pytest.mark.parametrize(("scene", "people"), [("two_people", "anna, bert"), ("restock", "none")])
+def test_an_experiment_is_about_one_person(scene: str, people: str) -> None:
+    with pytest.raises(lgp.LgpError) as error:
+        setting("paper", ROOT / "examples" / "scenes" / f"{scene}.toml", None, None, None)
+    says(error, scene, f"persons are {people}", "expected one, the [human]", "give a scene")

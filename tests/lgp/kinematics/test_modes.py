@@ -31,7 +31,7 @@ MOVE = (
 def modes(request: pytest.FixtureRequest) -> ModeSequence:
     scene = human_world().scene
     hands = tuple(replace(hand, freedom=request.param) for hand in scene.human.hands)
-    return ModeSequence(World(replace(scene, human=replace(scene.human, hands=hands))), MOVE)
+    return ModeSequence(World(replace(scene, humans={"human": replace(scene.human, hands=hands)})), MOVE)
 
 
 def test_variables_are_named_and_bounded(modes: ModeSequence) -> None:

@@ -59,7 +59,7 @@ def test_wrong_first_postures_are_refused(joints: dict[str, float], facts: tuple
     scene = human_world().scene
     assert scene.human is not None
     with pytest.raises(WorldError) as error:
-        World(replace(scene, human=replace(scene.human, joints=joints)))
+        World(replace(scene, humans={"human": replace(scene.human, joints=joints)}))
     says(error, *facts)
 
 

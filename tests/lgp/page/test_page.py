@@ -35,8 +35,8 @@ def page(plan: lgp.Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_ribbon_holds_every_true_score(plan: lgp.Plan) -> None:
     posture = plan.posture.copy()
     posture[1:3, 0] = 50.0  # bent forward for two slices
-    bent = replace(plan, posture=posture)
-    ribbon = score_spans(bent)
+    bent = replace(plan, people={"human": replace(plan.people["human"], angles=posture)})
+    ribbon = score_spans(bent)["human"]
     scores = bent.reba()
     assert scores is not None
     time = np.concatenate([[0.0], plan.time])
@@ -47,7 +47,7 @@ def test_the_ribbon_holds_every_true_score(plan: lgp.Plan) -> None:
     for number, score in enumerate(np.asarray(scores.reba, dtype=int)):
         middle = (time[number] + time[number + 1]) / 2.0
         assert [run.score for run in ribbon if run.start < middle < run.end] == [score]
-    assert score_spans(replace(plan, posture=np.zeros((0, 0)))) == ()
+    assert score_spans(replace(plan, people={})) == {}
 
 
 @needs_page

@@ -13,7 +13,8 @@ from tests.support.lgp_worlds import human_world
 @pytest.fixture(scope="module")
 def standing() -> tuple[np.ndarray, LegReachConstraint]:
     world = human_world("solved")
-    legs, rng = LegReachConstraint(world), np.random.default_rng(0)
+    assert world.scene.human is not None
+    legs, rng = LegReachConstraint(world, world.scene.human), np.random.default_rng(0)
     q = np.tile(world.initial_configuration, (40, 1))
     q[:, legs.columns] += 0.02 * rng.normal(size=(40, len(legs.columns)))
     q[:5, legs.columns] = world.initial_configuration[legs.columns]

@@ -20,6 +20,7 @@ PLANNED = {
     "pouring": ("pour.py", ["grasp", "bring", "pour", "place"]),
     "over_the_wall": ("", ["grasp", "handover", "place"]),
     "restock": ("", ["grasp", "place", "grasp", "place"]),
+    "two_people": ("", ["grasp", "handover", "place"]),
     "two_hands": ("carry_with_both_hands.py", ["lift", "put"]),
 }
 """Scene -> the file with its actions, and the actions of its plan."""
@@ -66,4 +67,11 @@ def _carries(motion: lgp.Motion) -> None:
     assert motion.plan.scene.objects["crate"].mass > motion.plan.scene.hands["human.left_hand"].payload
 
 
-CHECKS = {"pouring": _pours, "two_hands": _carries}
+def _hands_over(motion: lgp.Motion) -> None:
+    """Both have the rod for a while, and both have scores of their own."""
+    people = motion.plan.people
+    assert [one.carried.max() for one in people.values()] == [1.5, 1.5]
+    assert [one["max"] >= 1 for one in motion.plan.summary()["reba"]["people"].values()] == [True, True]
+
+
+CHECKS = {"pouring": _pours, "two_hands": _carries, "two_people": _hands_over}
