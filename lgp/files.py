@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 PLAN_FILE: Final = "plan.json"
-PLAN_FILES: Final = (PLAN_FILE, "path.parquet", "postures.parquet")
-"""A plan; the last two only where they have content."""
+ACTIONS_FILE: Final = "plan.txt"
+PLAN_FILES: Final = (PLAN_FILE, ACTIONS_FILE, "path.parquet", "postures.parquet")
+"""A plan; all but the first only where they have content."""
 PAGE: Final = "index.html"
 ASSETS: Final = "assets"
 PICTURES: Final = "pictures"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from lgp.kinematics.actions import sentences_of
 from lgp.kinematics.modes import KinematicSwitch
+from lgp.path.phases import Phases
 from lgp.scene.model import Human, Scene
 
 TABLE = Path(__file__).parent / "data" / "sentences.toml"
@@ -19,11 +20,16 @@ TABLE = Path(__file__).parent / "data" / "sentences.toml"
 
 @dataclass(frozen=True)
 class Instruction:
-    """An action in words: a sentence, a few words, and whether the reader acts (`you`) or a robot."""
+    """An action in words: a sentence, a few words, whether the reader acts (`you`) or a robot, and the object.
+
+    `beside` are the actions of others at the same time; the sentence has them too.
+    """
 
     text: str
     short: str
     you: bool
+    object_name: str
+    beside: tuple[Instruction, ...] = ()
 
 
 def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instruction, ...]:
@@ -42,6 +48,17 @@ def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instru
         if switch.action.attaches_to:
             table_of[switch.object_name] = switch.table
     return tuple(lines)
+
+
+def instructions(phases: Phases) -> tuple[Instruction, ...]:
+    """Return the instruction of each phase; of actions at the same time that of the reader comes first."""
+    lines, joined = sentences(phases.scene, phases.switches), []
+    for number in range(phases.count):
+        own = [line for line, phase in zip(lines, phases.phase_of, strict=True) if phase == number]
+        first, *others = sorted(own, key=lambda line: not line.you)
+        also = [table()["words"]["also"].format(sentence=one.text[0].lower() + one.text[1:]) for one in others]
+        joined.append(replace(first, text=" ".join([first.text, *also]), beside=tuple(others)))
+    return tuple(joined)
 
 
 def humanised(name: str) -> str:
@@ -98,7 +115,7 @@ def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instructi
     }
     sentence = (text.own_hands if takes and switch.giver else "") or text.human if you else text.robot
     long, short = (one.format(**names) for one in (sentence, text.human_short if you else text.robot_short))
-    return Instruction(long[0].upper() + long[1:], short, you)
+    return Instruction(long[0].upper() + long[1:], short, you, switch.object_name)
 
 
 def _named(scene: Scene, name: str) -> str:

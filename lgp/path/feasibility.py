@@ -158,7 +158,7 @@ def _of_action(problem: PathProblem, row: ConstraintInfo, value: float) -> str:
 
 
 def _phase_of_switch(problem: PathProblem, number: int) -> str:
-    return f"phase {number + 1}, {problem.phases.label(number)}"
+    return f"phase {problem.phases.phase_of[number] + 1}, {problem.phases.label(number)}"
 
 
 def _phase_of_knot(problem: PathProblem, at: int) -> str:

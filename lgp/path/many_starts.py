@@ -94,7 +94,7 @@ class ManyStarts:
                 own = world.columns(agent.name)
                 if agent is world.scene.human and joints & set(own.tolist()):
                     joints |= set(own.tolist())
-            acting[at] = np.array(sorted(joints), np.intp)
+            acting[at] = np.union1d(acting[at], sorted(joints)).astype(np.intp)
         return acting
 
     def _spread(self, acting: list[Indices]) -> None:
@@ -260,13 +260,13 @@ class ManyStarts:
 
     def starts(self, seed: int) -> Array:
         """Return random starts (S, N), points of the sequence problem, fewer of larger problems."""
-        problem, knots = self.problem, len(self.problem.knots)
+        problem, knots, phase_of = self.problem, len(self.problem.knots), self.problem.phases.phase_of
         size = self.n + sum(int(rows.kept.sum()) for rows in self._rows)
         count = int(STARTS * min(1.0, (LARGE / size) ** 2))
         rng = np.random.default_rng(seed)
         q = np.tile(problem.initial_configuration, (count, knots, 1))
         q += rng.uniform(*RADII, (count, 1, 1)) * (rng.uniform(problem.world.lower, problem.world.upper, q.shape) - q)
-        return np.reshape([problem.join(one, problem.modes.guess(one)) for one in q], (count, problem.n))
+        return np.reshape([problem.join(one, problem.modes.guess(one[phase_of])) for one in q], (count, problem.n))
 
 
 class _Rows:
