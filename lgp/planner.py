@@ -122,7 +122,7 @@ def plan(
         check_start(world, initial)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
     budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)
-    return plan_within(bounds, task, skeleton, budget)
+    return at_the_same_time(bounds, task, plan_within(bounds, task, skeleton, budget))
 
 
 def plan_within(
@@ -136,14 +136,26 @@ def plan_within(
 
 
 def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:
-    """Return the plan of a search with these bounds, and what its audit found; with concurrent actions if the scene
-    asks for them and has none yet."""
+    """Return the plan of a search with these bounds, and what its audit found."""
     plan = _record(bounds.world.scene, bounds, result)
-    plan = replace(plan, audit=audit_plan(plan).summary()) if plan.feasible else plan
-    together = any(action.together for action in result.skeleton)
-    if not plan.actions or together or not bounds.world.scene.concurrent:
+    return replace(plan, audit=audit_plan(plan).summary()) if plan.feasible else plan
+
+
+def at_the_same_time(bounds: PathBounds, task: Task, plan: Plan) -> Plan:
+    """Return a plan with concurrent actions, where its scene asks for them and it has none yet.
+
+    Args:
+        bounds: of the plan.
+        plan: returned as it is after an interrupt (Ctrl-C).
+    """
+    given = not plan.actions or len(plan.durations) < len(plan.actions) or plan.status == INTERRUPTED
+    if given or not plan.scene.concurrent:
         return plan
-    return with_concurrent_actions(plan, result.skeleton, lambda skeleton: plan_of(bounds, follow(bounds, skeleton)))
+    skeleton = parse_sequence(task, plan.actions)
+    try:
+        return with_concurrent_actions(plan, skeleton, lambda actions: plan_within(bounds, task, actions))
+    except KeyboardInterrupt:
+        return replace(plan, status=INTERRUPTED)
 
 
 def task_of(scene: Scene) -> Task:

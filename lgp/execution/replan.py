@@ -15,7 +15,7 @@ from lgp.execution.fixed_path import FixedPathBounds
 from lgp.logic.task import Action, Task
 from lgp.motion import Motion
 from lgp.plan_record import Plan
-from lgp.planner import parse_sequence, plan_within
+from lgp.planner import at_the_same_time, parse_sequence, plan_within
 from lgp.search.records import Budget
 from reba.arrays import Array
 
@@ -53,7 +53,8 @@ def replan_remaining(
         plan = plan_within(bounds, task, None, budget, first)
         if plan.feasible or plan.status == "exhausted":
             break
-    return plan if plan.feasible or continued is None or not continued.feasible else continued
+    best = plan if plan.feasible or continued is None or not continued.feasible else continued
+    return at_the_same_time(bounds, task, best)
 
 
 def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:

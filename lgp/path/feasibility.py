@@ -307,7 +307,7 @@ class ReachCheck:
 
     def refusal(self, phases: Phases) -> str:
         """Return why the hand of the last switch cannot reach its table, "" if it may or uses none."""
-        number = phases.count - 1
+        number = len(phases.switches) - 1
         switch = phases.switches[number]
         scene = self.world.scene
         if not (switch.action.works_at_table and switch.action.attaches_to):
@@ -327,7 +327,7 @@ class ReachCheck:
             return ""
         target = f"{switch.object_name} on {table}" if grasped else f"the place of {switch.object_name} on {table}"
         return (
-            f"phase {number + 1}, {phases.label(number)}: {switch.hand} cannot reach {target}: at least "
+            f"phase {phases.count}, {phases.label(number)}: {switch.hand} cannot reach {target}: at least "
             f"{missing:.3f} m short, whatever its posture"
         )
 

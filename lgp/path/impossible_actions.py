@@ -16,7 +16,7 @@ def _overload(phases: Phases) -> str:
 
     Parts that are screwed to the object by then are carried with it.
     """
-    number = phases.count - 1
+    number = len(phases.switches) - 1
     switch = phases.switches[number]
     if switch.action.attaches_to != "hand":
         return ""
@@ -28,7 +28,7 @@ def _overload(phases: Phases) -> str:
     who = f"{switch.hand} and {switch.second} carry" if second else f"{switch.hand} carries"
     what = " with ".join([switch.object_name, *sorted(parts - {switch.object_name})])
     return (
-        f"phase {number + 1}, {phases.label(number)}: {what} has {mass:g} kg, {who} up to {hand.payload + second:g} kg"
+        f"phase {phases.count}, {phases.label(number)}: {what} has {mass:g} kg, {who} up to {hand.payload + second:g} kg"
     )
 
 
@@ -46,7 +46,7 @@ def _joined(phases: Phases, name: str) -> set[str]:
 
 def _too_high(phases: Phases) -> str:
     """Return that an object is higher than the space above the table it is placed on; it stands on its x-y side."""
-    number = phases.count - 1
+    number = len(phases.switches) - 1
     switch = phases.switches[number]
     if switch.action.attaches_to != "table":
         return ""
@@ -54,6 +54,6 @@ def _too_high(phases: Phases) -> str:
     if height < space:
         return ""
     return (
-        f"phase {number + 1}, {phases.label(number)}: {switch.object_name} is {height:g} m high, above {switch.table} "
+        f"phase {phases.count}, {phases.label(number)}: {switch.object_name} is {height:g} m high, above {switch.table} "
         f"are {space:.3g} m"
     )

@@ -21,6 +21,7 @@ from lgp.planner import parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
 from lgp.search.records import Skeleton
 from reba.terminal import Console
+from tests.support.paths import ROOT
 from tests.support.says import says
 from tests.support.two_gantries import LEFT, RIGHT, two_gantries
 
@@ -206,3 +207,22 @@ def test_the_terminal_says_both_costs(both: lgp.Plan) -> None:
         r"concurrent actions: one at a time cost [\d.]+ in 8.0 s, at the same time [\d.]+ in 4.0 s\n", text.getvalue()
     )
     assert "; no other plan with concurrent actions was made" in text.getvalue()
+
+
+def test_a_robot_fetches_the_next_part_while_the_person_screws(tmp_path: Path) -> None:
+    scene = lgp.load_scene(ROOT / "examples" / "scenes" / "fetch_while_screwing.toml")
+    screws = ["screw(human.right_hand, rail, clamp)", "screw(human.right_hand, block, cap)"]
+    fetch = ["grasp(panda.hand, part)", "place(panda.hand, part, table.tray)", "grasp(human.right_hand, part)"]
+    plan = lgp.plan(scene, sequence=[*screws, *fetch])
+    assert plan.phase_of == (0, 0, 1, 1, 2)
+    assert plan.audit["faults"] == []
+    said = plan.concurrent
+    assert said["kept"]
+    assert said["at_the_same_time"]["seconds"] == 9.0 < said["one_at_a_time"]["seconds"] == 15.0
+    assert said["at_the_same_time"]["cost"] < 0.95 * said["one_at_a_time"]["cost"]
+    plan.save(tmp_path / "plan")
+    text = lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False).read_text()
+    assert "At the same time, the robot picks up the part from the stock table." in text
+    summary = lgp.run_plan(tmp_path / "plan")
+    assert summary["state"] == "finished", summary["why"]
+    assert tuple(summary["actions"]) == plan.actions
