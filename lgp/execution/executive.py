@@ -140,7 +140,7 @@ class Executive:
     def _check(self, which: str) -> dict[str, PredicateState]:
         """Return the states of the start or end predicates of the current actions."""
         planner, of_action = self.planner, start_of if which == "start" else end_of
-        predicates = [one for action in self._actions for one in of_action(planner.task, action)]
+        predicates = tuple(one for action in self._actions for one in of_action(planner.task, action))
         state = planner.states[self.number if which == "start" else planner.step(self.number).stop]
         self.predicate_states = check(predicates, self.view, planner.task, state)
         return self.predicate_states

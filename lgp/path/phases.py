@@ -137,7 +137,7 @@ class Phases:
 
     def title(self, phase: int) -> str:
         """Return a phase with its number from 1 and its actions: `phase 1, grasp(1, baxter.right, box)`."""
-        actions = " and ".join(self.label(number) for number in np.flatnonzero(self.phase_of == phase))
+        actions = " and ".join(self.label(number) for number in np.flatnonzero(self.phase_of == phase).tolist())
         return f"phase {phase + 1}, {actions}"
 
     def _human(self, hand: str) -> bool:
