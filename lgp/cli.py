@@ -361,8 +361,8 @@ def _draw(file: str, plan: Any) -> None:
     from lgp.search.tree_figure import draw
     from lgp.svg import with_generator
 
-    found = plan.concurrent["one_at_a_time"]["actions"] if plan.concurrent else plan.actions
-    best = next((node.skeleton for node in plan.tree if _labels(node) == tuple(found)), ())
+    labels = plan.concurrent["one_at_a_time"]["actions"] if plan.concurrent else plan.actions
+    best = next((node.skeleton for node in plan.tree if _labels(node) == tuple(labels)), ())
     drawing = with_generator(draw(plan.tree, best))
     write_atomic(file, lambda part: write_text(part, drawing))
 

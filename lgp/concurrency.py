@@ -37,16 +37,16 @@ def with_concurrent_actions(plan: Plan, skeleton: Skeleton, follow: Follow) -> P
         return replace(plan, concurrent=_record(plan, None, 0, "every action depends on the one before it"))
     tried: dict[Layout, Plan] = {every: follow(joined_phases(skeleton, every))}
     reason = _not_better(tried[every], plan)
-    best, apart = (plan, everyone) if reason else (tried[every], set())
-    for number in sorted(apart):
-        layout = earliest_phases(skeleton, apart - {number})
+    best, separate = (plan, everyone) if reason else (tried[every], set())
+    for number in sorted(separate):
+        layout = earliest_phases(skeleton, separate - {number})
         if layout == alone or layout in tried:
             continue
         if len(tried) == MOST_PATHS:
             break
         tried[layout] = follow(joined_phases(skeleton, layout))
         if not _not_better(tried[layout], best):
-            best, apart = tried[layout], apart - {number}
+            best, separate = tried[layout], separate - {number}
     feasible = [one for one in tried.values() if one.feasible]
     other = min(feasible, key=lambda one: one.costs["total"], default=None) if best is plan else best
     record = _record(plan, other, len(tried), reason, kept=best is not plan)

@@ -183,7 +183,7 @@ class Executive:
             except ObjectUnavailable as error:
                 self._wait_for(str(error))
                 return
-            retargeted: ActionMotion | str = "several actions at the same time are planned anew"
+            retargeted: ActionMotion | str = "several actions at the same time are planned again"
             if len(self._actions) == 1:
                 retargeted = self.planner.retarget(self.number, scene, self.view.now.q)
             if isinstance(retargeted, str):

@@ -29,18 +29,18 @@ def _takes_part(action: Action) -> set[str]:
     return names | {hand.partition(".")[0] for hand in switch.hands}
 
 
-def earliest_phases(actions: Sequence[Action], apart: Collection[int] = ()) -> Layout:
+def earliest_phases(actions: Sequence[Action], separate: Collection[int] = ()) -> Layout:
     """Return the phases of a sequence, with each action in the first phase that it can end.
 
     Args:
         actions: in a valid order.
-        apart: numbers of actions that begin a further phase, at the end of those before them.
+        separate: numbers of actions that begin a further phase, at the end of those before them.
     """
     phases: list[list[int]] = []
     phase_of: list[int] = []
     for number, action in enumerate(actions):
         after = [phase_of[earlier] for earlier in range(number) if depends(action, actions[earlier])]
-        phase_of.append(len(phases) if number in apart else max(after, default=-1) + 1)
+        phase_of.append(len(phases) if number in separate else max(after, default=-1) + 1)
         if phase_of[number] == len(phases):
             phases.append([])
         phases[phase_of[number]].append(number)
