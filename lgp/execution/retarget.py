@@ -106,9 +106,10 @@ class Planner:
         return self.motion.phases.actions
 
     def step(self, number: int) -> range:
-        """Return the numbers of the actions that happen at the same time as one."""
-        first, last = np.searchsorted(phase_of := self.motion.phases.phase_of, phase_of[number] + np.arange(2))
-        return range(int(first), int(last))
+        """Return the numbers of the actions that happen at the same time as one; empty after the last."""
+        phase_of = [*self.motion.phases.phase_of.tolist(), -1]
+        first = phase_of.index(phase_of[number])
+        return range(first, first + phase_of.count(phase_of[number]) if number < len(self.actions) else first)
 
     def planned(self, number: int) -> ActionMotion:
         """Return the planned motion of all agents in an action."""
