@@ -81,7 +81,7 @@ def cli(extensions: tuple[str, ...]) -> None:
 @click.option("--height", "heights", multiple=True, metavar="TABLE=M", help="Height of a table [m]; may be repeated.")
 @click.option(
     "-o", "--output", type=output_folder(*PLAN_FILES), metavar="DIR",
-    help="Write plan.json, path.parquet and postures.parquet there.",
+    help="Write plan.json, plan.txt, path.parquet and postures.parquet there.",
 )  # fmt: skip
 @click.option("--tree", type=output_file(), metavar="FILE.svg", help="Draw the searched tree.")
 @json_option
@@ -361,7 +361,8 @@ def _draw(file: str, plan: Any) -> None:
     from lgp.search.tree_figure import draw
     from lgp.svg import with_generator
 
-    best = next((node.skeleton for node in plan.tree if _labels(node) == plan.actions), ())
+    labels = plan.concurrent["one_at_a_time"]["actions"] if plan.concurrent else plan.actions
+    best = next((node.skeleton for node in plan.tree if _labels(node) == tuple(labels)), ())
     drawing = with_generator(draw(plan.tree, best))
     write_atomic(file, lambda part: write_text(part, drawing))
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
+from lgp.logic.task import numbered
 from reba.terminal import Console, Text
 
 
@@ -25,9 +26,11 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     if differ:
         table.add_column("seconds", justify="right")
     scores = [one["per_phase"] for one in people.values()]
-    for number, (action, seconds) in enumerate(zip(summary["actions"], durations, strict=True)):
-        own = [f"{seconds:.2f}"] if differ else []
-        table.add_row(Text(action), *([f"{score[number]:.1f}" for score in scores] or ["-"]), *own)
+    phase = -1
+    for action, (_, together) in zip(summary["actions"], numbered(summary["actions"]), strict=True):
+        phase += not together
+        own = [f"{durations[phase]:.2f}"] if differ else []
+        table.add_row(Text(action), *([f"{score[phase]:.1f}" for score in scores] or ["-"]), *own)
     console.print(table)
     cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
     satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
@@ -47,14 +50,26 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     best = {
         "optimal": "no other sequence within the depth costs less",
         "given": "no other sequence was planned",
+        "concurrent": "no other plan with concurrent actions was made",
     }.get(summary["status"], f"the optimum within the depth may cost up to {search['gap']:.1%} less")
     console.print(
         f"search: {search['poses']} poses, {search['sequences']} sequences, {search['paths']} paths in "
         f"{search['seconds']:.1f} s; {best}"
     )
+    if summary["concurrent"]:
+        console.print(Text(_concurrent(summary["concurrent"])))
     starts = summary["starts"]
     if starts and starts["of"] > 1:
         console.print(f"motion: the best of {starts['of']} starts, of which {starts['agreed']} agree within 1 %")
+
+
+def _concurrent(concurrent: dict[str, Any]) -> str:
+    """Return costs and times of the same actions one at a time and at the same time, and why one is not kept."""
+    one, other = (concurrent[name] for name in ("one_at_a_time", "at_the_same_time"))
+    compared = [f"one at a time cost {one['cost']:.3f} in {one['seconds']:.1f} s"]
+    compared += [] if other is None else [f"at the same time {other['cost']:.3f} in {other['seconds']:.1f} s"]
+    why = concurrent["reason"] and f"{'not all at once' if concurrent['kept'] else 'not kept'}: {concurrent['reason']}"
+    return "concurrent actions: " + "; ".join([", ".join(compared), *([why] if why else [])])
 
 
 def _others(cost: dict[str, float]) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 PLAN_FILE: Final = "plan.json"
-PLAN_FILES: Final = (PLAN_FILE, "path.parquet", "postures.parquet", "postures-*.parquet")
+ACTIONS_FILE: Final = "plan.txt"
+PLAN_FILES: Final = (PLAN_FILE, ACTIONS_FILE, "path.parquet", "postures.parquet", "postures-*.parquet")
 """A plan; all but the first only where they have content: postures of the first person, and of each other by name."""
 PAGE: Final = "index.html"
 ASSETS: Final = "assets"

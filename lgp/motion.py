@@ -45,7 +45,7 @@ class Motion:
         phases: its actions in time.
         modes: the attachment of each object in each phase.
         time: (T + 1,) [s].
-        phase: (T + 1,) number of the phase, 0 in the first row.
+        phase: (T + 1,) number of the phase, 0 in the first row; `phases.switched` are the modes of each.
         path: (T + 1, nq) configurations [rad, m].
 
     Raises:
@@ -62,7 +62,7 @@ class Motion:
         if self.world.joints != plan.joints:
             raise LgpError(f"{plan.scene.name}: the joints of the plan differ from those of its scene; plan again")
         actions = parse_sequence(task_of(plan.scene), plan.actions)
-        slices = len(plan.path) // len(actions) if actions else None
+        slices = len(plan.path) // sum(not one.together for one in actions) if actions else None
         own = plan.durations if plan.scene.durations != "fixed" else ()
         self.phases = Phases.of(plan.scene, actions, slices, own)
         self.modes = ModeSequence(self.world, self.phases.switches)
@@ -93,9 +93,9 @@ class Motion:
         """
         kinematics = self.world.at(self.path, self.modes.frames)
         rotation, position = np.empty((len(self.path), 3, 3)), np.empty((len(self.path), 3))
-        for phase in range(max(self.phases.count, 1)):
+        for phase, switched in enumerate(self.phases.switched if self.phases.count else [0]):
             rows = np.flatnonzero(self.phase == phase)
-            pose = self.modes.pose(name, phase, kinematics.rows(rows), self.variables)
+            pose = self.modes.pose(name, int(switched), kinematics.rows(rows), self.variables)
             rotation[rows], position[rows] = pose.rotation, pose.position
         return PoseTrajectory(rotation, position)
 

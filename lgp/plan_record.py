@@ -14,8 +14,9 @@ import numpy as np
 
 from lgp.agent_trajectory import AgentTrajectory, configurations_at, moments_of
 from lgp.errors import LgpError
-from lgp.files import PLAN_FILE, PLAN_FILES
+from lgp.files import ACTIONS_FILE, PLAN_FILE, PLAN_FILES
 from lgp.kinematics.interpolation import NAME as INTERPOLATION
+from lgp.logic.task import numbered
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
@@ -26,7 +27,7 @@ from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
 from reba.open_file import open_regular, read_settings
 from reba.posture.columns import COLUMNS
-from reba.provenance import provenance, write_parquet
+from reba.provenance import generator, provenance, write_parquet
 
 
 def _no_values() -> Array:
@@ -56,10 +57,11 @@ class Plan:
     Attributes:
         scene: the scene, with the heights of its tables.
         feasible: whether there is a plan.
-        status: optimal, gap or interrupted of a search with a plan, given of a given sequence; infeasible,
-            unreachable or exhausted where there is no plan.
+        status: optimal, gap or interrupted of a search with a plan, given of a given sequence, concurrent where actions
+            happen at the same time; infeasible, unreachable or exhausted where there is no plan.
         reason: why there is no plan, "" if there is one.
-        actions: one per phase, as in the paper: `grasp(1, baxter.right, screwdriver)`.
+        actions: each with the number of the phase that it ends, as in the paper: `grasp(1, baxter.right, screwdriver)`;
+            those with the same number happen at the same time.
         joints: names of the columns of `path`.
         start: configuration at time 0 (nq,) [rad, m].
         time: of each slice (T,) [s].
@@ -78,6 +80,8 @@ class Plan:
         starts: how many starts of the best sequence were solved (`of`) and how many agree on its cost (`agreed`) within
             1 %; {} without a plan, and of older plans.
         audit: what `lgp.audit_plan` found, as `Audit.summary` gives it; {} without a plan, and of older plans.
+        concurrent: the sequence of actions one at a time and the same at the same time, with costs and seconds, and
+            which was `kept`; {} unless the scene asks for it.
     """
 
     scene: Scene
@@ -101,11 +105,17 @@ class Plan:
     provenance: dict[str, Any] = field(default_factory=provenance)
     audit: dict[str, Any] = field(default_factory=dict)
     starts: dict[str, int] = field(default_factory=dict)
+    concurrent: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def phase_of(self) -> tuple[int, ...]:
+        """Number of the phase that each action ends, from 0 (A,)."""
+        return tuple((np.cumsum([not together for _, together in numbered(self.actions)], dtype=int) - 1).tolist())
 
     @property
     def durations(self) -> tuple[float, ...]:
         """Duration of each phase [s], (K,)."""
-        ends = self.time[np.flatnonzero(np.diff(self.phase, append=len(self.actions)))]
+        ends = self.time[np.flatnonzero(np.diff(self.phase, append=-1))]
         return tuple(np.diff(ends, prepend=0.0).tolist())
 
     @property
@@ -159,6 +169,7 @@ class Plan:
             "search": plain_data(self.search),
             "solver": self.solver,
             "starts": self.starts,
+            "concurrent": self.concurrent,
         }
 
     def _scores(self) -> dict[str, Any]:
@@ -174,7 +185,7 @@ class Plan:
         return {
             "mean": float(np.average(total.mean(axis=1), weights=np.diff(self.time, prepend=0.0))),
             "max": int(total.max()),
-            "per_phase": [float(total[self.phase == number].mean()) for number in range(len(self.actions))],
+            "per_phase": [float(total[self.phase == number].mean()) for number in range(len(self.durations))],
             "last": int(total[-1].max()),
         }
 
@@ -210,9 +221,22 @@ class Plan:
         joints = tuple(self.joints[column].removeprefix(f"{agent}.") for column in own)
         return AgentTrajectory(agent, joints, moments, *configurations_at(knots, clock, moments))
 
+    def pddl(self) -> str:
+        """Return the actions as a temporal plan of PDDL 2.1 (Fox & Long 2003): begin [s], action, duration [s].
+
+        Actions with the same begin happen at the same time: `0.000: (grasp baxter.right screwdriver) [2.000]`.
+        """
+        begins = np.append(0.0, np.cumsum(self.durations)).round(9)
+        lines = [f"; {generator('lgp')}: {self.scene.name}", f"; cost {self.costs.get('total', 0.0):.6g}"]
+        for (text, _), phase in zip(numbered(self.actions), self.phase_of, strict=True):
+            words = text.removesuffix(")").replace("(", ", ", 1).replace(", ", " ")
+            lines.append(f"{begins[phase]:.3f}: ({words}) [{self.durations[phase]:.3f}]")
+        return "\n".join(lines) + "\n"
+
     @accepts(LgpError, folder=PATH)
     def save(self, folder: str | Path) -> None:
-        """Write `plan.json`, `path.parquet` and, with a human, `postures.parquet` (which `reba score` reads).
+        """Write `plan.json`, `path.parquet`, the actions as `plan.txt` (`pddl`) and, with a human, `postures.parquet`
+        (which `reba score` reads).
 
         `postures.parquet` is of the first person, `postures-NAME.parquet` of each other one.
 
@@ -246,7 +270,7 @@ PLAIN: Final[dict[str, type]] = {
     "variables": dict,
 }
 """Fields that are saved as they are, with their JSON types."""
-LATER: Final[dict[str, type]] = {"weights": dict, "audit": dict, "provenance": dict, "starts": dict}
+LATER: Final[dict[str, type]] = {"weights": dict, "audit": dict, "provenance": dict, "starts": dict, "concurrent": dict}
 """Fields that older plans do not have, with their JSON types."""
 NUMBERS: Final = ("costs", "residuals", "variables")
 """Fields whose values are numbers by name."""
@@ -272,6 +296,7 @@ def save(plan: Plan, folder: Path) -> None:
     def write(part: Path) -> None:
         write_text(part / PLAN_FILE, as_json(data, indent=1) + "\n")
         if plan.feasible:
+            write_text(part / ACTIONS_FILE, plan.pddl())
             columns = dict(zip(plan.joints, plan.path.T, strict=True))
             write_parquet(pd.DataFrame(times | columns), part / "path.parquet", plan.provenance)
         for file, one in zip(_posture_files(plan.people), plan.people.values(), strict=True):

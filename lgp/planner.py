@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
@@ -21,16 +20,18 @@ import dreba
 from dreba.surrogates.base import Surrogate
 from lgp.audit.audit import audit_plan
 from lgp.collision.start_check import check_start, start_penetrations
+from lgp.concurrency import with_concurrent_actions
 from lgp.defaults import SCENE_COST
 from lgp.errors import LgpError, LogicError
 from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.logic.pddl import SHIPPED, PddlDomain, load_domain
-from lgp.logic.task import Action, Task, ground, parse_atom, parse_goal
+from lgp.logic.task import Action, Task, ground, numbered, parse_atom, parse_goal
 from lgp.path.bounds import PathBounds
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
+from lgp.path.partial_order import depends, same_phase
 from lgp.plan_record import PersonPostures, Plan
 from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
@@ -84,7 +85,7 @@ def plan(
         cost: a dREBA surrogate, its file or the name of a shipped one, by default that of the scene; None plans without
             ergonomics. An `Ergonomics` of a world with the same agents saves preparing it again.
         sequence: actions to plan for instead of searching, as a plan prints them: `grasp(1, baxter.right, box)`; the
-            step number may be left out.
+            number of the phase may be left out, and actions with the same one happen at the same time.
         depth: longest sequence of actions, the scene's by default.
         seconds: wall-clock limit of the search [s]; the best plan so far is returned.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
@@ -121,7 +122,7 @@ def plan(
         check_start(world, initial)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
     budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)
-    return plan_within(bounds, task, skeleton, budget)
+    return at_the_same_time(bounds, task, plan_within(bounds, task, skeleton, budget))
 
 
 def plan_within(
@@ -138,6 +139,23 @@ def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:
     """Return the plan of a search with these bounds, and what its audit found."""
     plan = _record(bounds.world.scene, bounds, result)
     return replace(plan, audit=audit_plan(plan).summary()) if plan.feasible else plan
+
+
+def at_the_same_time(bounds: PathBounds, task: Task, plan: Plan) -> Plan:
+    """Return a plan with concurrent actions, where its scene asks for them and it has none yet.
+
+    Args:
+        bounds: of the plan.
+        plan: returned as it is after an interrupt (Ctrl-C).
+    """
+    given = not plan.actions or len(plan.durations) < len(plan.actions) or plan.status == INTERRUPTED
+    if given or not plan.scene.concurrent:
+        return plan
+    skeleton = parse_sequence(task, plan.actions)
+    try:
+        return with_concurrent_actions(plan, skeleton, lambda actions: plan_within(bounds, task, actions))
+    except KeyboardInterrupt:
+        return replace(plan, status=INTERRUPTED)
 
 
 def task_of(scene: Scene) -> Task:
@@ -159,15 +177,20 @@ def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:
     """Return the actions named by lines of text; blank lines and lines that start with # are skipped.
 
     Raises:
-        LogicError: an action is unknown or not applicable at its step, or the goal is not satisfied at the end.
+        LogicError: an action is unknown or not applicable at its step, it depends on one of the same number, or the
+            goal is not satisfied at the end.
     """
     state = task.initial
     actions: list[Action] = []
-    for line in lines:
-        text = line.strip()
-        if not text or text.startswith("#"):
-            continue
-        action = task.action(re.sub(r"\(\s*\d+\s*,", "(", text, count=1))
+    texts = [text for line in lines if (text := line.strip()) and not text.startswith("#")]
+    for text, together in numbered(texts):
+        action = replace(task.action(text), together=together)
+        beside = next((one for one in same_phase(actions) if together and depends(action, one)), None)
+        if beside is not None:
+            raise LogicError(
+                f"sequence: {action} and {beside} have the same number and cannot be at the same time, as one depends "
+                "on the other or they share an agent or object; give each a number of its own"
+            )
         if not action.applies(state):
             missing = ", ".join(map(str, task.holding(action.needs & ~state)))
             forbidden = ", ".join(map(str, task.holding(action.forbids & state)))
@@ -196,8 +219,9 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
         solved[level] = solved[level].plus(result, result.seconds)
         if not result.feasible:
             break
+    given = SearchStatus.CONCURRENT if any(action.together for action in skeleton) else SearchStatus.GIVEN
     return SearchResult(
-        status=SearchStatus.GIVEN if result.feasible else SearchStatus.INFEASIBLE,
+        status=given if result.feasible else SearchStatus.INFEASIBLE,
         skeleton=skeleton if result.feasible else (),
         cost=result.cost,
         payload=result.payload,
@@ -290,7 +314,7 @@ def _motion(bounds: PathBounds, skeleton: Sequence[Action], solution: Solution) 
         for at, (name, person) in enumerate(bounds.world.scene.humans.items())
     }
     return {
-        "actions": tuple(phases.label(number) for number in range(phases.count)),
+        "actions": tuple(phases.label(number) for number in range(len(phases.actions))),
         "time": phases.times(),
         "phase": np.repeat(np.arange(phases.count), phases.slices),
         "path": path,

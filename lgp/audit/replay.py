@@ -88,6 +88,7 @@ def replay(samples: Samples) -> Replay:
             run.assemblies.append(Span(atom.arguments[0], atom.arguments[1]))
     for number, text in enumerate(samples.plan.actions):
         _act(run, number, text, int(samples.switches[number]))
+    _check_same_time(run)
     _check_holds(run)
     _check_goal(run)
     return run
@@ -233,6 +234,18 @@ def _screw(run: Replay, text: str, hand: str, item_name: str, other: str, at: in
     begins = [run.spans[part][-1].begin for part in assembly.parts]
     stands = None if begins == [None, None] else max(begin or 0 for begin in begins)
     run.assemblies.append(Span(*assembly.parts, stands))
+
+
+def _check_same_time(run: Replay) -> None:
+    """Find agents and objects that take part in two actions at the same time."""
+    scene = run.scene
+    busy: dict[tuple[str, int], str] = {}
+    for text, at in zip(run.samples.plan.actions, run.samples.switches.tolist(), strict=True):
+        names = {name for name in re.split(r"[(),\s]+", text) if name in scene.hands or name in scene.objects}
+        for name in sorted({scene.hands[name].agent if name in scene.hands else name for name in names}):
+            before = busy.setdefault((name, at), text)
+            if before != text:
+                _fault(run, "attachment", f"{text}: {name} takes part in {before} at the same time", 0.0, at)
 
 
 def _check_holds(run: Replay) -> None:

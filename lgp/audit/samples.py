@@ -60,11 +60,11 @@ class Samples:
             raise LgpError("the time of the plan does not increase from slice to slice; plan again")
         if not (np.isfinite(knots).all() and np.isfinite(clock).all()):
             raise LgpError("the path of the plan has values that are not finite; plan again")
-        last = [np.flatnonzero(plan.phase == number) for number in range(len(plan.actions))]
-        if not all(len(rows) for rows in last) or set(plan.phase.tolist()) != set(range(len(plan.actions))):
+        phase_of, phases = plan.phase_of, set(plan.phase.tolist())
+        if phases != set(phase_of):
             raise LgpError(
-                f"the plan has {len(set(plan.phase.tolist()))} phases, expected one for each of its "
-                f"{len(plan.actions)} actions; plan again"
+                f"the plan has {len(phases)} phases, expected one for each number of its {len(plan.actions)} actions; "
+                "plan again"
             )
         count = (len(knots) - 1) * PER_SLICE + 1
         before = np.minimum(np.arange(count) // PER_SLICE, max(len(knots) - 2, 0))
@@ -84,8 +84,8 @@ class Samples:
             if model.hands:
                 rotation, position = attached(*placed, list(model.hands.values()))
                 hands |= dict(zip(model.hands, zip(rotation, position, strict=True), strict=True))
-        switches = np.array([(rows[-1] + 1) * PER_SLICE for rows in last], dtype=np.intp)
-        return Samples(plan, np.asarray(times), moved, switches, models, frames, hands)
+        last = np.array([np.flatnonzero(plan.phase == number)[-1] for number in phase_of], np.intp)
+        return Samples(plan, np.asarray(times), moved, (last + 1) * PER_SLICE, models, frames, hands)
 
     @property
     def count(self) -> int:

@@ -25,7 +25,7 @@ import numpy as np
 from lgp.collision.shapes import CollisionShape
 from lgp.kinematics.modes import ModeSequence
 from lgp.logic.task import parse_atom
-from reba.arrays import Array, Flags
+from reba.arrays import Array, Flags, Indices
 
 WINDOW = 0.3
 """[s] Time before and after a contact in which the margin fades (a choice: shorter ones make plans dearer)."""
@@ -120,8 +120,10 @@ class Clock:
     """When the actions of a sequence happen.
 
     Attributes:
-        ends: of the start and of each phase [s], (K + 1,).
-        steps: time between the slices of each phase [s], (K,); hands and objects rest for one slice after a switch.
+        ends: when each number of actions is done [s], (A + 1,).
+        begins: of the phase of each action [s], (A,).
+        steps: time between slices once each number of actions is done [s], (A + 1,), at the end as before it; hands and
+            objects rest for one slice after a switch.
         draw_back: slices in which a hand that let go draws back.
 
     >>> Clock.of(np.ones(2), 1.0, 4).rested(1)
@@ -129,18 +131,30 @@ class Clock:
     """
 
     ends: Array
+    begins: Array
     steps: Array
     draw_back: int
 
     @staticmethod
-    def of(durations: Array, seconds: float, slices: int) -> Clock:
-        """Return the clock of phases with some durations [s], of `seconds` each where these are not unknowns."""
-        ends = np.concatenate([[0.0], np.cumsum(durations)])
-        return Clock(ends, durations / slices, draw_back_slices(seconds, slices))
+    def of(durations: Array, seconds: float, slices: int, phase_of: Indices | None = None) -> Clock:
+        """Return the clock of phases with some durations [s], of `seconds` each where these are not unknowns.
+
+        Args:
+            phase_of: number of the phase that each action ends, (A,); one each by default.
+        """
+        phase_of = np.arange(len(durations)) if phase_of is None else phase_of
+        ends, done = np.concatenate([[0.0], np.cumsum(durations)]), np.concatenate([[0], phase_of + 1])
+        steps = (durations / slices)[np.minimum(done, len(durations) - 1)] if len(durations) else np.zeros(1)
+        return Clock(ends[done], ends[phase_of], steps, draw_back_slices(seconds, slices))
+
+    @property
+    def last(self) -> float:
+        """When all is done [s]."""
+        return float(self.ends[-1])
 
     def rested(self, number: int) -> float:
-        """Return the time after a number of phases, and the slice at rest that follows [s]."""
-        return float(self.ends[number] + (self.steps[number] if number < len(self.steps) else 0.0))
+        """Return when a number of actions is done, and the slice at rest that follows [s]."""
+        return float(self.ends[number] + (self.steps[number] if self.ends[number] < self.last else 0.0))
 
 
 def declared_contacts(modes: ModeSequence, clock: Clock) -> tuple[Contact, ...]:

@@ -67,27 +67,27 @@ def declared_withdrawals(modes: ModeSequence, clock: Clock) -> Iterator[Withdraw
     count = len(modes.switches)
     for number, switch in enumerate(modes.switches):
         giver = switch.giver or (switch.hand if switch.action.attaches_to == "table" else "")
-        if not giver or number + 1 == count:
+        if not giver or clock.ends[number + 1] >= clock.last:
             continue
         later = [k for k in range(number + 1, count) if switch.object_name in _acted_on(modes.switches[k])]
         next_hands = modes.switches[later[0]].hands if later else ()
         again = next((k for k in later if giver in modes.switches[k].hands), count)
-        until = math.inf if again == count else float(clock.ends[again])
+        until = math.inf if again == count else float(clock.begins[again])
         let_go, back = float(clock.ends[number + 1]), _drawn_back(clock, number + 1)
         if not switch.giver:
             others = {hand for hand in modes.world.scene.hands if _agent(hand) != _agent(giver)} | set(next_hands)
             for hand in sorted(others - {giver} - _standing_still(modes, number)):
                 yield Withdrawal(hand, switch.object_name, NOT_YET, let_go, back + 2.0 * SAME)
-        if again > number + 1:
+        if until > let_go:
             yield Withdrawal(giver, switch.object_name, DRAWN_BACK, back, back + float(clock.steps[number + 1]) / 2.0)
         begin = back
         for phase in range(number + 1, again):
             if giver not in modes.switches[phase].hands:
                 continue
-            busy, free = float(clock.ends[phase]), _drawn_back(clock, phase + 1)
+            busy, free = float(clock.begins[phase]), _drawn_back(clock, phase + 1)
             if giver not in next_hands:
                 yield Withdrawal(giver, switch.object_name, DRAWN_BACK, begin, busy)
-            if not switch.giver and later and busy < clock.ends[later[0]] + DRAW_BACK_SECONDS:
+            if not switch.giver and later and busy < clock.begins[later[0]] + DRAW_BACK_SECONDS:
                 for hand in sorted({*next_hands} - {giver}):
                     # Where it acted just before, it may still be near.
                     yield Withdrawal(hand, switch.object_name, NOT_YET, busy + 2.0 * SAME, free)
@@ -107,8 +107,8 @@ def _standing_still(modes: ModeSequence, number: int) -> set[str]:
 
 
 def _drawn_back(clock: Clock, number: int) -> float:
-    """Return when [s] a hand has drawn back that lets go after a number of phases."""
-    return float(clock.ends[number] + clock.draw_back * clock.steps[min(number, len(clock.steps) - 1)])
+    """Return when [s] a hand has drawn back that lets go as the last one of a number of actions."""
+    return float(clock.ends[number] + clock.draw_back * clock.steps[number])
 
 
 def _acted_on(switch: KinematicSwitch) -> tuple[str, ...]:

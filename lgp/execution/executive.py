@@ -31,8 +31,9 @@ from lgp.execution.simulation import Robots
 from lgp.execution.tracked_scene import ObjectUnavailable, carrier
 from lgp.execution.tracking import TrackedPose, TrackedWorld
 from lgp.execution.trajectory import BRAKE, Brake, robot_columns, time_scaled, violations
+from lgp.logic.task import Action
 from lgp.motion import Motion
-from lgp.page.sentences import in_words, sentences
+from lgp.page.sentences import in_words, instructions
 
 OnEvent = Callable[[str, str, str, dict[str, Any]], None]
 """Callback with the state, kind, text and details of an event, see `events.Event`."""
@@ -77,7 +78,7 @@ class Executive:
     """State machine that follows a plan; the caller adds an observation to `view` before each `step`.
 
     Attributes:
-        number: of the current action.
+        number: of the current action, the first one of those that happen at the same time.
         stage: waiting, moving, finished or failed.
         phase: motion of the current action, None while waiting.
         replans: number of times the remaining actions were replanned.
@@ -137,10 +138,10 @@ class Executive:
         self._known_since = self._now
 
     def _check(self, which: str) -> dict[str, PredicateState]:
-        """Return the states of the start or end predicates of the current action."""
-        planner, action = self.planner, self.planner.actions[self.number]
-        predicates = start_of(planner.task, action) if which == "start" else end_of(planner.task, action)
-        state = planner.states[self.number + (which == "end")]
+        """Return the states of the start or end predicates of the current actions."""
+        planner, of_action = self.planner, start_of if which == "start" else end_of
+        predicates = tuple(one for action in self._actions for one in of_action(planner.task, action))
+        state = planner.states[self.number if which == "start" else planner.step(self.number).stop]
         self.predicate_states = check(predicates, self.view, planner.task, state)
         return self.predicate_states
 
@@ -182,7 +183,9 @@ class Executive:
             except ObjectUnavailable as error:
                 self._wait_for(str(error))
                 return
-            retargeted = self.planner.retarget(self.number, scene, self.view.now.q)
+            retargeted: ActionMotion | str = "several actions at the same time are planned again"
+            if len(self._actions) == 1:
+                retargeted = self.planner.retarget(self.number, scene, self.view.now.q)
             if isinstance(retargeted, str):
                 self._replan(f"the motion cannot be retargeted: {retargeted}", self._stopped_by or OUT_OF_REACH)
                 return
@@ -213,17 +216,16 @@ class Executive:
         return phase
 
     def _begin(self, phase: ActionMotion) -> None:
-        action, scene = self.planner.actions[self.number], self.planner.plan.scene
+        scene = self.planner.plan.scene
         self.phase, self._restarts, self._stopped_by = phase, False, ""
-        self._expected = {
-            name: at for name in action.arguments if name in scene.objects and (at := self.view.mean(name)) is not None
-        }
+        names = [name for action in self._actions for name in action.arguments if name in scene.objects]
+        self._expected = {name: at for name in names if (at := self.view.mean(name)) is not None}
         nominal = self.planner.nominal(self.number)
         self._carried = {name: hand for name in scene.objects if (hand := carrier(self.view, name, nominal))}
         self._enter("moving")
         self.robots.follow(phase.trajectory)
-        self._instruction = sentences(scene, self.planner.motion.phases.switches)[self.number]
-        details = {"label": action.at(self.number + 1), "seconds": phase.trajectory.duration}
+        self._instruction = instructions(self.planner.motion.phases)[self.planner.motion.phases.phase_of[self.number]]
+        details = {"label": self._label, "seconds": phase.trajectory.duration}
         self.on_event("running", "told" if self._instruction.you else "started", self._instruction.text, details)
 
     def _move(self) -> None:
@@ -233,8 +235,9 @@ class Executive:
             return
         if self._waited < phase.trajectory.duration:
             return
-        for hand, closed in gripper_commands(self.planner.task, self.planner.actions[self.number], self.view):
-            self.robots.grip(hand, closed)
+        for action in self._actions:
+            for hand, closed in gripper_commands(self.planner.task, action, self.view):
+                self.robots.grip(hand, closed)
         ends = self._check("end")
         if all_hold(ends):
             self._end("is done")
@@ -301,9 +304,9 @@ class Executive:
         """Repeat the action, or fail after the last attempt."""
         self._attempts += 1
         if self._attempts >= self.settings.attempts:
-            self._fail(f"{self.planner.actions[self.number].at(self.number + 1)} was not finished in time: {why}")
+            self._fail(f"{self._label} was not finished in time: {why}")
             return
-        adds = self.planner.task.holding(self.planner.actions[self.number].adds)
+        adds = [atom for action in self._actions for atom in self.planner.task.holding(action.adds)]
         for hand in closed_grippers(self.planner.plan.scene, adds):
             self.robots.grip(hand, False)
         self.phase, self._restarts = None, True
@@ -362,15 +365,14 @@ class Executive:
         self._restarts = True
 
     def _end(self, how: str) -> None:
-        label = self.planner.actions[self.number].at(self.number + 1)
-        took = self._waited
-        self.on_event("done", "ended", f"{label} {how}.", {"label": label, "seconds": took})
+        label, following = self._label, self.planner.step(self.number).stop
+        self.on_event("done", "ended", f"{label} {how}.", {"label": label, "seconds": self._waited})
         self.phase, self._attempts, self._restarts = None, 0, False
-        if self.number + 1 == len(self.planner.actions):
+        if following == len(self.planner.actions):
             self._finish("All actions are done.")
-        else:
-            self.number += 1
-            self._enter("waiting")
+            return
+        self.number = following
+        self._enter("waiting")
 
     def _finish(self, text: str) -> None:
         self._enter("finished")
@@ -382,8 +384,15 @@ class Executive:
 
     def _robot_acts(self) -> bool:
         hands = self.planner.plan.scene.hands
-        return any(not hands[name].human for name in self._action_hands())
+        names = {name for action in self._actions for name in action.arguments}
+        return any(not hands[name].human for name in names.intersection(hands))
 
-    def _action_hands(self) -> list[str]:
-        hands = self.planner.plan.scene.hands
-        return [name for name in self.planner.actions[self.number].arguments if name in hands]
+    @property
+    def _actions(self) -> tuple[Action, ...]:
+        """The current actions: those of one phase."""
+        return tuple(self.planner.actions[number] for number in self.planner.step(self.number))
+
+    @property
+    def _label(self) -> str:
+        """The current actions as a plan prints them."""
+        return " and ".join(map(self.planner.motion.phases.label, self.planner.step(self.number)))

@@ -15,7 +15,7 @@ from lgp.execution.fixed_path import FixedPathBounds
 from lgp.logic.task import Action, Task
 from lgp.motion import Motion
 from lgp.plan_record import Plan
-from lgp.planner import parse_sequence, plan_within
+from lgp.planner import at_the_same_time, parse_sequence, plan_within
 from lgp.search.records import Budget
 from reba.arrays import Array
 
@@ -53,7 +53,8 @@ def replan_remaining(
         plan = plan_within(bounds, task, None, budget, first)
         if plan.feasible or plan.status == "exhausted":
             break
-    return plan if plan.feasible or continued is None or not continued.feasible else continued
+    best = plan if plan.feasible or continued is None or not continued.feasible else continued
+    return at_the_same_time(bounds, task, best)
 
 
 def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:
@@ -68,9 +69,10 @@ def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPath
             actions = parse_sequence(task, map(str, phases.actions[first:]))
         except LogicError:
             continue
-        path, variables = motion.path[first * phases.slices :], phase_variables(motion, first)
-        bounds.set_initial_guess(actions, path[phases.slices :: phases.slices], variables)
-        bounds.planned_motions[actions] = path, variables
+        variables, ends = phase_variables(motion, first), phases.keyframes[first:] + 1
+        bounds.set_initial_guess(actions, motion.path[ends], variables)
+        if len(set(ends.tolist())) == len(actions):
+            bounds.planned_motions[actions] = motion.path[ends[0] - phases.slices :], variables
         return actions
     return ()
 
@@ -88,6 +90,6 @@ def first_reasons(reason: str) -> str:
 
 def phase_variables(motion: Motion, first: int, last: int | None = None) -> Array:
     """Return the variables (k,) of the actions `first` to `last` - 1 of a plan, by default to its end [m, rad]."""
-    end = motion.phases.count if last is None else last
+    end = len(motion.phases.switches) if last is None else last
     own = [first <= int(name.partition(".")[0]) < end for name in motion.modes.names]
     return motion.variables[np.array(own, dtype=bool)]

@@ -80,7 +80,8 @@ def replan(
             raise LgpError(f"joint {name} is {shown(value)}, expected a finite number [rad, m]")
         q[world.column[name]] = value
     world.check_limits(q, "`joints`")
-    number = int(np.count_nonzero(motion.time[motion.phases.slices :: motion.phases.slices] <= now + 1e-9))
+    done = int(np.count_nonzero(motion.time[motion.phases.slices :: motion.phases.slices] <= now + 1e-9))
+    number = int(np.searchsorted(motion.phases.phase_of, done))
     view = TrackedWorld(world)
     seen = _objects(planner, number, q, poses or {})
     closed = frozenset(_closed(planner, number, q, seen))

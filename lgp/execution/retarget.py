@@ -31,6 +31,7 @@ from lgp.logic.task import Action, Atom
 from lgp.motion import Motion
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
+from lgp.path.partial_order import one_at_a_time
 from lgp.plan_record import Plan
 from lgp.planner import task_of
 from lgp.scene.model import Scene
@@ -104,21 +105,32 @@ class Planner:
         """The actions of the plan."""
         return self.motion.phases.actions
 
+    def step(self, number: int) -> range:
+        """Return the numbers of the actions that happen at the same time as one; empty after the last."""
+        phase_of = [*self.motion.phases.phase_of.tolist(), -1]
+        first = phase_of.index(phase_of[number])
+        return range(first, first + phase_of.count(phase_of[number]) if number < len(self.actions) else first)
+
     def planned(self, number: int) -> ActionMotion:
-        """Return the planned motion of an action."""
-        slices, path = self.motion.phases.slices, self.motion.path
-        first, last = number * slices, (number + 1) * slices
+        """Return the planned motion of all agents in an action."""
+        path = self.motion.path
+        first, last = self._row(number), self._row(number, 1)
         beside = path[max(first - 1, 0)], path[min(last + 1, len(path) - 1)]
         return ActionMotion(JointTrajectory(path[first : last + 1], self._seconds(number), beside=beside))
 
     def _seconds(self, number: int) -> float:
         """Return the planned duration of an action [s]."""
-        return float(self.motion.phases.phase_durations[number])
+        phases = self.motion.phases
+        return float(phases.phase_durations[phases.phase_of[number]])
+
+    def _row(self, number: int, more: int = 0) -> int:
+        """Return the row of the motion at which the phase of an action begins, or one that many phases later."""
+        phases = self.motion.phases
+        return int(phases.phase_of[number] + more) * phases.slices
 
     def deviations(self, number: int, view: TrackedWorld) -> list[str]:
         """Return, in words, joints and objects that are away from the start of the planned motion of an action."""
-        row = number * self.motion.phases.slices
-        first = self.motion.path[row]
+        first = self.motion.path[self._row(number)]
         off, robots = np.zeros(len(first)), robot_columns(self.motion.world)
         off[robots] = np.abs(view.now.q - first)[robots]
         deviations = []
@@ -126,7 +138,7 @@ class Planner:
             world = self.motion.world
             joint = world.joints[int(off.argmax())]
             deviations.append(f"{joint} is {off.max():.2f} {world.units[joint].si} off")
-        for name in self._object_names(number):
+        for name in dict.fromkeys(name for one in self.step(number) for name in self._object_names(one)):
             distance, turn = self._deviation(name, number, view)
             if distance > view.tolerances.moved or turn > view.tolerances.turned:
                 deviations.append(f"{name} is {distance:.3f} m and {np.degrees(turn):.0f} deg off")
@@ -143,7 +155,7 @@ class Planner:
 
     def nominal(self, number: int) -> frozenset[Atom]:
         """Return the atoms that hold before an action by the plan."""
-        return frozenset(self.task.holding(self.states[number]))
+        return frozenset(self.task.holding(self.states[self.step(number).start]))
 
     def retarget(
         self,
@@ -169,7 +181,7 @@ class Planner:
         scene = replace(scene, durations="fixed", phase_seconds=self._seconds(number))
         world = self.motion.world.with_scene(scene)
         first = np.clip(start, world.lower, world.upper)
-        action, seconds = self.actions[number], self._seconds(number)
+        action, seconds = replace(self.actions[number], together=False), self._seconds(number)
         try:
             ModeSequence(world, self.motion.phases.switches[number : number + 1])
         except WorldError as error:
@@ -230,7 +242,7 @@ class Planner:
         bounds = self._bounds(
             world, first, fixed_variables=fixed_variables, holding=holding_hands(self.motion.modes, number)
         )
-        actions = self.actions[number : last + 1]
+        actions = one_at_a_time(self.actions[number : last + 1])
         result = bounds.solve("sequence", actions, None)
         if not result.feasible:
             return {}
@@ -252,7 +264,7 @@ class Planner:
     def planned_placement(self, number: int) -> TablePose:
         """Return the planned pose of the object that an action places."""
         switch = self.motion.phases.switches[number]
-        return self._on(switch.table, self._pose(switch.object_name, (number + 1) * self.motion.phases.slices))
+        return self._on(switch.table, self._pose(switch.object_name, self._row(number, 1)))
 
     def _fixed_variables(
         self, number: int, since: int, scene: Scene, target: TablePose | None
@@ -273,7 +285,7 @@ class Planner:
         if switch.action.attaches_to != "table" or (not joints and target is None):
             return fixed_variables if joints else {}, True
         others = [scene.objects[joint.parts[joint.parts[0] == switch.object_name]] for joint in joints]
-        row = (number + 1) * self.motion.phases.slices
+        row = self._row(number, 1)
         for other in others if target is None else ():
             if other.on == switch.table and not other.hand:
                 x, y, yaw = other.at
@@ -351,7 +363,7 @@ class Planner:
 
     def _deviation(self, name: str, number: int, view: TrackedWorld) -> tuple[float, float]:
         """Return the deviation [m, rad] of an object from the start of the planned motion of an action."""
-        row = number * self.motion.phases.slices
+        row = self._row(number)
         seen = view.mean(name)
         if seen is None:
             return 0.0, 0.0

@@ -30,6 +30,8 @@ from lgp.execution.simulation import SimulatedRobots, SimulatedTracker, Simulate
 from lgp.execution.tracking import Observation, ObservationSource, TrackedPose, TrackedWorld
 from lgp.execution.worker import Worker, WorkerBehaviour, workers
 from lgp.kinematics.modes import ModeSequence
+from lgp.logic.task import numbered
+from lgp.path.partial_order import one_at_a_time
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
@@ -239,8 +241,8 @@ class ExecutionRun:
             for worker in self.workers:
                 worker.on_action(self.planner, executive.number, executive.phase)
             if self.faults is not None and executive.replans == 0:
-                action = self.planner.actions[executive.number]
-                self.faults.on_start(executive.number, action, executive.phase.trajectory.duration)
+                for one in self.planner.step(executive.number):
+                    self.faults.on_start(one, self.planner.actions[one], executive.phase.trajectory.duration)
         if self._on_event is not None:
             self._on_event(event)
         self._save()
@@ -302,7 +304,9 @@ class ExecutionRun:
             "state": self.executive.stage,
             "why": events[-1].details.get("why", "") if events else "",
             "seconds": self._time,
-            "actions": [event.details["label"] for event in events if event.kind == "ended"],
+            "actions": [
+                label for one in events if one.kind == "ended" for label in one.details["label"].split(" and ")
+            ],
             "retargeted": kinds.count("retargeted"),
             "replanned": kinds.count("replanned"),
             "stops": {kind: kinds.count(kind) for kind in ("moved", "dropped", "lost", "timeout")},
@@ -327,13 +331,13 @@ def retarget_cost(planner: Planner, retargeted: RetargetedAction, seconds: float
     own.use(retargeted.motion)
     number, phase, scene = retargeted.number, retargeted.phase, retargeted.phase.scene
     remaining = [str(action) for action in own.actions[number:]]
-    comparison: dict[str, Any] = {"action": own.actions[number].at(number + 1), "extra": None, "share": None}
+    comparison: dict[str, Any] = {"action": own.motion.phases.label(number), "extra": None, "share": None}
     if scene is None:
         return comparison
     greedy_phases = _greedy(own, number, phase)
     greedy, whole = (None, None) if greedy_phases is None else _costs(own, number, scene, greedy_phases)
     plan = own.replan(number, scene, phase.trajectory.knots[0], seconds, thorough=True)
-    labels = [label.replace(f"({at + 1}, ", "(") for at, label in enumerate(plan.actions)]
+    labels = [label for label, _ in numbered(plan.actions)]
     replanned = float(plan.costs["total"]) if plan.feasible else None
     if whole is not None and (replanned is None or whole < replanned):
         replanned, labels = whole, remaining
@@ -371,7 +375,7 @@ def _costs(planner: Planner, number: int, scene: Scene, phases: list[ActionMotio
         collisions=planner.collision_free,
         holding=holding_hands(planner.motion.modes, number),
     )
-    actions = planner.actions[number:]
+    actions = one_at_a_time(planner.actions[number:])
     problem = bounds.problem("path", bounds.phases(actions))
     greedy = problem.costs(problem.join(path, variables)).total
     first = replace(solutions[-1], keyframes=keys, variables=variables, path=None, minima=())

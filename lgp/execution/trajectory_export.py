@@ -41,8 +41,10 @@ def write_trajectories(plan: Plan, path: str | Path, *, slow_down: bool = False)
         raise LgpError(f"{plan.scene.name}: no robot, thus no motion to export; expected a plan with a robot")
     rows: list[dict[str, Any]] = []
     trajectories, limits = [], []
-    for number, action in enumerate(planner.actions):
-        trajectory, label, factor = planner.planned(number).trajectory, action.at(number + 1), 1.0
+    phases = planner.motion.phases
+    for number in phases.switched:
+        trajectory, factor = planner.planned(number).trajectory, 1.0
+        label = " and ".join(map(phases.label, planner.step(number)))
         for name in world.scene.robots:
             violated = violations(world, trajectory, world.columns(name))
             limits += [f"{label}: {one}" for one in violated]

@@ -71,7 +71,11 @@ class Worker:
         self._floor_since: dict[str, float] = {}
 
     def on_action(self, planner: Planner, number: int, phase: ActionMotion) -> None:
-        """React to the current action on the page, after an action of their own that is under way."""
+        """React to the current action on the page, after an action of their own that is under way.
+
+        Of those that happen at the same time it is their own.
+        """
+        number = next((one for one in planner.step(number) if self._hand(planner.actions[one])), number)
         action, self._displayed = self._action(), planner.actions[number]
         if self._trajectory is not None and action is not None and self._hand(action) and not self.stuck:
             self._next = planner.snapshot(), number, phase

@@ -37,6 +37,7 @@ class Action:
         adds, deletes: masks of the effects; adding wins where an atom is in both.
         conditional: further effects, each if its conditions hold before the action.
         cost: what it adds to the cost of a plan.
+        together: whether it ends the same phase as the action before it in its sequence.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Action:
     deletes: int
     conditional: tuple[Change, ...] = ()
     cost: float = 0.0
+    together: bool = False
 
     def applies(self, state: int) -> bool:
         """Return whether the preconditions are satisfied in a state."""
@@ -307,6 +309,21 @@ class Atom(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.predicate}({', '.join(self.arguments)})"
+
+
+def numbered(lines: Iterable[str]) -> Iterator[tuple[str, bool]]:
+    """Yield each action of a sequence without its number, and whether it has the number of the one before.
+
+    >>> list(numbered(["grasp(1, arm, box)", "screw(1, human, lid)", "place(arm, box)"]))
+    [('grasp(arm, box)', False), ('screw(human, lid)', True), ('place(arm, box)', False)]
+    """
+    before = ""
+    for text in lines:
+        number = re.match(r"[^(]*\(\s*(\d+)\s*,", text)
+        now = number[1] if number else ""
+        rest = text if number is None else text[: number.start(1)].rstrip() + text[number.end() :].lstrip()
+        yield rest, now == before != ""
+        before = now
 
 
 def parse_atom(text: str) -> Atom:

@@ -158,27 +158,27 @@ MIN_MOVEMENT = 0.02
 def shots_of(
     motion: Motion, frames: Mapping[str, int], place: Array, solid: Sequence[Array], steps: int
 ) -> tuple[Shot, ...]:
-    """Return the shots of the start and of each action.
+    """Return the shots of the start and of each phase.
 
     Args:
         frames: name of a frame -> its number.
         place: (T, F, 4, 4) poses of the frames [m].
-        solid: (k, 3) surface points of all bodies [m], at the start and at the end of each action.
+        solid: (k, 3) surface points of all bodies [m], at the start and at the end of each phase.
         steps: stride of the moments that must be in the picture.
     """
     scene, length = motion.plan.scene, motion.phases.slices
     whole = np.concatenate([place[::steps, :, :3, 3].reshape(-1, 3), solid[0]])
     subjects = [Subject(whole, np.zeros((0, 3)), solid[0])]
-    for number, switch in enumerate(motion.phases.switches):
+    for number, first in enumerate(motion.phases.switched):
+        switches = motion.phases.switches[first : first + np.count_nonzero(motion.phases.phase_of == number)]
         part = place[number * length : (number + 1) * length + 1]
         moving = np.ptp(part[:, :, :3, 3], axis=0).max(axis=1) > MIN_MOVEMENT
         taking = [at for name, at in frames.items() if moving[at] or name.partition(".")[0] in scene.humans]
-        names = [name for name in (switch.object_name, switch.other) if name]
+        names = [name for switch in switches for name in (switch.object_name, switch.other) if name]
         points = [part[::steps, at, :3, 3] for at in taking]
         points += [_corners(part[::steps, frames[name], :3, 3], PERSON_MARGIN) for name in names]
         keypoints = [_keypoints(scene.objects[name], part[-1, frames[name]]) for name in names]
-        if switch.table:
-            points.append(_tops(scene, switch.table))
+        points += [_tops(scene, switch.table) for switch in switches if switch.table]
         visible = np.concatenate([*points, _people(scene)])
         subjects.append(Subject(visible, np.concatenate(keypoints), solid[number + 1]))
     return shots(subjects, ahead(scene))

@@ -21,7 +21,7 @@ from lgp.files import ASSETS, PAGE, PAGE_FILES, PICTURE_FILES, PICTURES
 from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
-from lgp.page.sentences import Instruction, humanised, person_in_words, sentences
+from lgp.page.sentences import Instruction, humanised, instructions, person_in_words
 from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
@@ -69,7 +69,7 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
     if not plan.actions:
         raise LgpError(f"{plan.scene.name}: the plan has no actions, the goal holds already; give a plan with actions")
     animation = scene_animation(motion)
-    lines = sentences(plan.scene, motion.phases.switches)
+    lines = instructions(motion.phases)
 
     def write(part: Path) -> None:
         assets = part / ASSETS
@@ -78,7 +78,7 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
             shutil.copyfile(file, assets / name)
         for name in ("page.css", *SCRIPTS):
             write_text(assets / name, read("lgp.page", f"template/{name}"))
-        data = _script({"view": packed(animation), **_facts(plan, motion, animation, lines)})
+        data = _script({"view": packed(animation), **_facts(plan, animation, lines)})
         write_text(assets / "plan.js", data)
         if pictures:
             write_pictures(animation, part / PICTURES)
@@ -101,19 +101,20 @@ def _script(data: dict[str, Any]) -> str:
     return f"window.PLAN = {json.dumps(data, separators=(',', ':'), allow_nan=False)};\n"
 
 
-def _facts(plan: Plan, motion: Motion, animation: SceneAnimation, lines: tuple[Instruction, ...]) -> dict[str, Any]:
-    """Return the data of the player beside the animation: actions and score spans."""
-    object_names = [switch.object_name for switch in motion.phases.switches]
+def _facts(plan: Plan, animation: SceneAnimation, lines: tuple[Instruction, ...]) -> dict[str, Any]:
+    """Return the data of the player beside the animation: what is done in each phase, the phase of each action, and
+    score spans."""
     return {
+        "phases": list(plan.phase_of),
         "actions": [
             {
                 "text": line.text,
                 "you": line.you,
                 "who": line.who,
-                "frame": animation.frames.index(name),
-                "radius": max(RING, round(0.6 * max(plan.scene.objects[name].size), 3)),
+                "frame": animation.frames.index(line.object_name),
+                "radius": max(RING, round(0.6 * max(plan.scene.objects[line.object_name].size), 3)),
             }
-            for line, name in zip(lines, object_names, strict=True)
+            for line in lines
         ],
         "people": [
             [

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from lgp.kinematics.actions import sentences_of
 from lgp.kinematics.modes import KinematicSwitch
+from lgp.path.phases import Phases
 from lgp.scene.model import Scene
 
 TABLE = Path(__file__).parent / "data" / "sentences.toml"
@@ -19,12 +20,18 @@ TABLE = Path(__file__).parent / "data" / "sentences.toml"
 
 @dataclass(frozen=True)
 class Instruction:
-    """An action in words: a sentence, a few words, whether the reader acts (`you`) or a robot, and who that is."""
+    """An action in words: a sentence, a few words, whether the reader acts (`you`) or a robot, who that is, and the
+    object.
+
+    `beside` are the actions of others at the same time; the sentence has them too.
+    """
 
     text: str
     short: str
     you: bool
     who: str
+    object_name: str
+    beside: tuple[Instruction, ...] = ()
 
 
 def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instruction, ...]:
@@ -43,6 +50,22 @@ def sentences(scene: Scene, switches: Sequence[KinematicSwitch]) -> tuple[Instru
         if switch.action.attaches_to:
             table_of[switch.object_name] = switch.table
     return tuple(lines)
+
+
+def instructions(phases: Phases) -> tuple[Instruction, ...]:
+    """Return the instruction of each phase; of actions at the same time that of the reader comes first."""
+    lines, joined = sentences(phases.scene, phases.switches), []
+    for number in range(phases.count):
+        own = [line for line, phase in zip(lines, phases.phase_of, strict=True) if phase == number]
+        first, *others = sorted(own, key=lambda line: not line.you)
+        also = [table()["words"]["also"].format(sentence=_within(one)) for one in others]
+        joined.append(replace(first, text=" ".join([first.text, *also]), beside=tuple(others)))
+    return tuple(joined)
+
+
+def _within(line: Instruction) -> str:
+    """Return the sentence of an instruction as it stands inside another one: names keep their first letter."""
+    return line.text if line.text.startswith(f"{line.who},") else line.text[0].lower() + line.text[1:]
 
 
 def humanised(name: str) -> str:
@@ -101,11 +124,11 @@ def _line(scene: Scene, switch: KinematicSwitch, source_table: str) -> Instructi
     to_own = bool(switch.giver) and scene.hands[switch.hand].agent == person
     sentence = (text.own_hands if to_own else "") or text.human if you else text.robot
     long, short = (one.format(**names) for one in (sentence, text.human_short if you else text.robot_short))
+    who = words["you"] if you else words["other"]
     if you and len(scene.humans) > 1:
-        return Instruction(
-            f"{person_in_words(person)}, {long[0].lower()}{long[1:]}", short, you, person_in_words(person)
-        )
-    return Instruction(long[0].upper() + long[1:], short, you, words["you"] if you else words["other"])
+        who = person_in_words(person)
+        long = f"{who}, {long[0].lower()}{long[1:]}"
+    return Instruction(long[0].upper() + long[1:], short, you, who, switch.object_name)
 
 
 def _named(scene: Scene, name: str) -> str:

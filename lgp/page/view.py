@@ -45,8 +45,8 @@ class SceneAnimation:
         skins: of each person, and the frames (B,) of its bones.
         time: (T,) moments [s].
         place: (T, F, 4, 4) poses of the frames in the world [m].
-        ends: (K,) number of the last moment of each action.
-        shots: of the start, then of each action.
+        ends: (K,) number of the last moment of each phase.
+        shots: of the start, then of each phase.
     """
 
     meshes: tuple[Mesh, ...]

@@ -32,12 +32,14 @@ class PlannedMoment:
 
     Attributes:
         number: of the action in its sequence.
+        switched: number of actions before its phase.
         frames: that are known to be asked for; computed at once.
         asked: names that were asked for.
     """
 
     modes: ModeSequence
     number: int
+    switched: int
     q: Array
     z: Array
     frames: tuple[str, ...] = ()
@@ -73,7 +75,7 @@ class PlannedMoment:
             middle = np.broadcast_to(np.array([*table.position, table.height]), (count, 3))
             return FullPose(top, middle, np.zeros((count, 6, self.q.shape[1] + size)))
         if name in self.scene.objects:
-            attachment = self.modes.attachment(name, self.number)
+            attachment = self.modes.attachment(name, self.switched)
             if attachment.base is None:
                 self._need(attachment.parent)
             pose = attachment.pose(self._kinematics, self.z[attachment.variables])
@@ -98,6 +100,7 @@ class _Block:
     """One constraint of one switch.
 
     Attributes:
+        switched: number of actions before the phase of the switch.
         places: (k,) knots at which it holds.
         frames: that it asks for.
         rows: m.
@@ -106,6 +109,7 @@ class _Block:
     """
 
     number: int
+    switched: int
     constraint: ActionConstraint
     places: Indices
     frames: tuple[str, ...]
@@ -121,7 +125,7 @@ class _Block:
 
     def evaluate(self, modes: ModeSequence, q: Array, z: Array) -> Feature:
         """Return its values (n, m) and Jacobian (n, m, p + v) in n configurations."""
-        moment = PlannedMoment(modes, self.number, q, z, self.frames)
+        moment = PlannedMoment(modes, self.number, self.switched, q, z, self.frames)
         feature = self.constraint.feature(moment)
         if not self.asked.issuperset(moment.asked):
             raise _wrong(modes, self.number, self.constraint, "asks for other frames than at first", "the same ones")
@@ -165,8 +169,9 @@ class ActionConstraints:
     def __init__(self, phases: Phases, modes: ModeSequence, knots: Indices, enforced: tuple[int, ...]) -> None:
         self.modes, self.tail = modes, len(knots) * modes.world.nq
         blocks = [
-            _block(modes, number, one, self._places(phases, knots, number, one.along))
+            _block(modes, number, before, one, self._places(phases, knots, number, one.along))
             for number in enforced
+            for before in (int(phases.switched[phases.phase_of[number]]),)
             for one in phases.switches[number].action.constraints
         ]
         self._equal = sorted((one for one in blocks if one.constraint.equal), key=lambda one: not one.curved)
@@ -252,11 +257,11 @@ class ActionConstraints:
         return hessians
 
 
-def _block(modes: ModeSequence, number: int, constraint: ActionConstraint, places: Indices) -> _Block:
+def _block(modes: ModeSequence, number: int, switched: int, constraint: ActionConstraint, places: Indices) -> _Block:
     """Return a constraint of a switch with what it depends on, found by asking it in two configurations."""
     world = modes.world
     middle = np.clip(np.zeros(modes.size), modes.lower, modes.upper)
-    moment = PlannedMoment(modes, number, np.tile(world.initial_configuration, (2, 1)), middle)
+    moment = PlannedMoment(modes, number, switched, np.tile(world.initial_configuration, (2, 1)), middle)
     feature = constraint.feature(moment)
     if not isinstance(feature, Feature):
         raise _wrong(modes, number, constraint, f"returns a {type(feature).__name__}", "a Feature")
@@ -267,10 +272,11 @@ def _block(modes: ModeSequence, number: int, constraint: ActionConstraint, place
         raise _wrong(modes, number, constraint, shapes, f"(2, m) and (2, m, {world.nq + modes.size})")
     support = [world.support(frame) for frame in moment.computed]
     objects = [name for name in moment.asked if name in world.scene.objects]
-    held = [modes.attachment(name, number).variables for name in objects]
+    held = [modes.attachment(name, switched).variables for name in objects]
     variables = [np.arange(part.start, part.stop) for part in held]
     return _Block(
         number,
+        switched,
         constraint,
         places,
         moment.computed,

@@ -135,11 +135,11 @@ class PathBounds:
 
         `stage` is the continuation stage of the ergonomic cost.
         """
-        last = phases.count - 1
+        last = len(phases.switches) - 1
         return PathProblem(
             self.world,
             phases,
-            knots={"pose": phases.keyframes[-1:], "path": None}.get(level, phases.keyframes),
+            knots={"pose": phases.ends[-1:], "path": None}.get(level, phases.ends),
             enforced=[last] if level == "pose" else None,
             stop=level not in ("pose", PREFIX),
             ergonomics=self.ergonomics,
@@ -208,20 +208,22 @@ class PathBounds:
             cost = warm.cost if warm is not None and self.is_lower_bound("pose") else 0.0
         elif level == PREFIX:
             cost *= 1.0 - PREFIX_TOLERANCE
-        estimate = self._estimate.of(phases, solution.keyframes) if level == "pose" else None
+        one_each = phases.count == len(phases.actions)
+        estimate = self._estimate.of(phases, solution.keyframes) if level == "pose" and one_each else None
         return BoundResult(True, cost, seconds=seconds, payload=solution, estimate=estimate, attained=attained)
 
     def _first_durations(self, skeleton: Skeleton, warm: BoundResult | None) -> tuple[float, ...]:
         """Return the durations that a problem starts with: those of what was solved before, () without them."""
         if self.world.scene.durations == "fixed":
             return ()
-        if warm is not None and isinstance(warm.payload, Solution) and len(warm.payload.durations) == len(skeleton):
+        count = sum(not action.together for action in skeleton)
+        if warm is not None and isinstance(warm.payload, Solution) and len(warm.payload.durations) == count:
             return warm.payload.durations
         if not self.free_durations:
             return ()
-        before = self.solution(PREFIX, skeleton[:-1])
+        before = None if skeleton[-1].together else self.solution(PREFIX, skeleton[:-1])
         first = self.world.scene.phase_seconds
-        return (first,) * len(skeleton) if before is None else (*before.durations, first)
+        return (first,) * count if before is None else (*before.durations, first)
 
     def _durations(self, level: str) -> DurationSolver:
         """Return the solver of the durations of a level."""
@@ -247,7 +249,7 @@ class PathBounds:
         """Return the solver of a level with all switches, which goes on from the sequence before its last action."""
 
         def solve(phases: Phases, earlier: Solution | None) -> Answer:
-            before = self.solution(PREFIX, phases.actions[:-1])
+            before = None if phases.actions[-1].together else self.solution(PREFIX, phases.actions[:-1])
             return self.keyframes.solve_sequence(phases, earlier, level, before)
 
         return solve

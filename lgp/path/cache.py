@@ -59,7 +59,7 @@ class WarmStartCache:
         """
         key = self._key(phases)
         if key in self._infeasible:
-            return f"phase {phases.count}, {phases.label(phases.count - 1)}: {self._infeasible[key]}"
+            return f"{phases.title(phases.count - 1)}: {self._infeasible[key]}"
         return self._poses.get(key)
 
     def store_pose(self, phases: Phases, pose: Array, costs: Costs, result: Result) -> CachedPose:
@@ -74,7 +74,7 @@ class WarmStartCache:
 
     def _key(self, phases: Phases) -> Hashable:
         """Return what the constraints on the pose after the last action depend on, and the load in it."""
-        last, number = phases.switches[-1], phases.count - 1
+        last, number = phases.switches[-1], len(phases.switches) - 1
         modes = ModeSequence(self.world, phases.switches)
         parts = tuple(name for name in (last.object_name, last.other) if name)
         parts = tuple(self.world.scene.objects) if last.action.constraints else parts
@@ -92,7 +92,7 @@ class WarmStartCache:
         own = _variables_of(ModeSequence(self.world, phases.switches), names)
         self._best[frozenset(names)] = CachedMotion(
             cost,
-            dict(zip(names, keyframes.copy(), strict=True)),
+            dict(zip(names, keyframes[phases.phase_of], strict=True)),
             {name: variables[part] for name, part in own.items()},
         )
 
@@ -110,9 +110,10 @@ class WarmStartCache:
         for hand in dict.fromkeys(hand for switch in phases.switches for hand in switch.hands):
             limb = np.flatnonzero(self.world.support(hand))
             acts = [number for number, switch in enumerate(phases.switches) if hand in switch.hands]
+            ends = phases.phase_of[acts].tolist()
             values = [initial_configuration[limb], *(cached.keyframes[names[number]][limb] for number in acts)]
             for column, series in zip(limb, np.transpose(values), strict=True):
-                keyframes[:, column] = np.interp(np.arange(phases.count), [-1, *acts], series)
+                keyframes[:, column] = np.interp(np.arange(phases.count), [-1, *ends], series)
         variables = np.zeros(modes.size)
         for name, part in _variables_of(modes, names).items():
             variables[part] = cached.variables[name]

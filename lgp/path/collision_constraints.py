@@ -74,8 +74,8 @@ class CollisionConstraints:
         self._columns: list[tuple[Indices, Indices]] = []
         self._gradient_entries: tuple[Indices, Indices, Indices] | None = None
         self._last: _Evaluation | None = None
-        self._phase = np.repeat(np.arange(phases.count), phases.slices * POINTS_PER_SLICE)
-        clock = Clock.of(phases.phase_durations, phases.seconds, phases.slices)
+        self._phase = np.repeat(phases.switched, phases.slices * POINTS_PER_SLICE)
+        clock = Clock.of(phases.phase_durations, phases.seconds, phases.slices, phases.phase_of)
         contacts = declared_contacts(self.collisions.modes, clock)
         times = np.cumsum(np.repeat(phases.steps, POINTS_PER_SLICE) / POINTS_PER_SLICE)
         shapes, pairs = self.collisions.shapes, self.collisions.pairs
@@ -238,7 +238,7 @@ class CollisionConstraints:
             return 0.0, ""
         deepest = int(depth.argmax())
         first, second = (self.collisions.shapes[side].name for side in self.collisions.pairs[near.pairs[deepest]])
-        phase = int(self._phase[near.slices[deepest]]) + 1
+        phase = int(near.slices[deepest]) // (self.phases.slices * POINTS_PER_SLICE) + 1
         return float(depth[deepest]), f"phase {phase}: {first} penetrates {second} by {depth[deepest]:.3f} m"
 
     def total_penetration(self, q: Array, z: Array) -> float:

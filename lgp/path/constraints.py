@@ -252,7 +252,7 @@ def equal_joint_constraints(
         if keyframe + 1 < horizon:
             joints.setdefault((keyframe, keyframe + 1), set()).update(limb.tolist())
     for number in limbs:
-        if modes.switches[number].giver and number + 1 < phases.count:
+        if modes.switches[number].giver:
             # Who took an object stays where it is until the one who gave it has drawn back.
             taker = np.flatnonzero(world.support(modes.switches[number].hand)).tolist()
             first = int(phases.keyframes[number])

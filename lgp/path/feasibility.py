@@ -194,7 +194,7 @@ def _of_action(problem: PathProblem, row: ConstraintInfo, value: float) -> str:
 
 
 def _phase_of_switch(problem: PathProblem, number: int) -> str:
-    return f"phase {number + 1}, {problem.phases.label(number)}"
+    return f"phase {problem.phases.phase_of[number] + 1}, {problem.phases.label(number)}"
 
 
 def _phase_of_knot(problem: PathProblem, at: int) -> str:
@@ -343,7 +343,7 @@ class ReachCheck:
 
     def refusal(self, phases: Phases) -> str:
         """Return why the hand of the last switch cannot reach its table, "" if it may or uses none."""
-        number = phases.count - 1
+        number = len(phases.switches) - 1
         switch = phases.switches[number]
         scene = self.world.scene
         if not (switch.action.works_at_table and switch.action.attaches_to):
@@ -363,7 +363,7 @@ class ReachCheck:
             return ""
         target = f"{switch.object_name} on {table}" if grasped else f"the place of {switch.object_name} on {table}"
         return (
-            f"phase {number + 1}, {phases.label(number)}: {switch.hand} cannot reach {target}: at least "
+            f"phase {phases.count}, {phases.label(number)}: {switch.hand} cannot reach {target}: at least "
             f"{missing:.3f} m short, whatever its posture"
         )
 

@@ -16,7 +16,7 @@ def _overload(phases: Phases) -> str:
 
     Parts that are screwed to the object by then are carried with it.
     """
-    number = phases.count - 1
+    number = len(phases.switches) - 1
     switch = phases.switches[number]
     if switch.action.attaches_to != "hand":
         return ""
@@ -27,9 +27,8 @@ def _overload(phases: Phases) -> str:
         return ""
     who = f"{switch.hand} and {switch.second} carry" if second else f"{switch.hand} carries"
     what = " with ".join([switch.object_name, *sorted(parts - {switch.object_name})])
-    return (
-        f"phase {number + 1}, {phases.label(number)}: {what} has {mass:g} kg, {who} up to {hand.payload + second:g} kg"
-    )
+    most = hand.payload + second
+    return f"phase {phases.count}, {phases.label(number)}: {what} has {mass:g} kg, {who} up to {most:g} kg"
 
 
 def _joined(phases: Phases, name: str) -> set[str]:
@@ -46,7 +45,7 @@ def _joined(phases: Phases, name: str) -> set[str]:
 
 def _too_high(phases: Phases) -> str:
     """Return that an object is higher than the space above the table it is placed on; it stands on its x-y side."""
-    number = phases.count - 1
+    number = len(phases.switches) - 1
     switch = phases.switches[number]
     if switch.action.attaches_to != "table":
         return ""
@@ -54,6 +53,6 @@ def _too_high(phases: Phases) -> str:
     if height < space:
         return ""
     return (
-        f"phase {number + 1}, {phases.label(number)}: {switch.object_name} is {height:g} m high, above {switch.table} "
-        f"are {space:.3g} m"
+        f"phase {phases.count}, {phases.label(number)}: {switch.object_name} is {height:g} m high, "
+        f"above {switch.table} are {space:.3g} m"
     )

@@ -54,7 +54,7 @@ def too_fast(world: World, phases: Phases, start: Array, path: Array) -> str:
     name, unit = world.joints[column], world.units[world.joints[column]]
     speed, limit = unit.from_si(moves[column] / phases.steps[first]), unit.from_si(limits[column])
     return (
-        f"phase {number + 1}, {phases.label(number)}: {name} moves at {speed:.3g} of {limit:.3g} {unit.written}/s; "
+        f"{phases.title(number)}: {name} moves at {speed:.3g} of {limit:.3g} {unit.written}/s; "
         f"give phase_seconds = {math.ceil(10.0 * needed.max() + 1e-6) / 10.0:g} or more, or "
         'durations = "stretched" or "free"'
     )

@@ -61,7 +61,7 @@ class Solution:
     """Solution of one level, the warm start of the next.
 
     Attributes:
-        keyframes: (k, nq) configurations at the switches so far [rad, m].
+        keyframes: (k, nq) configurations at the ends of the phases so far [rad, m].
         variables: (nz,) of grasps and placements; empty at the level "pose".
         path: (T, nq), at the levels "free_path" and "path" only.
         starts: number of starts of the sequence that agree with this one, and of all.
@@ -233,9 +233,9 @@ class KeyframeSolver:
         """Return x (n,) of configurations (P, nq), with variables that fit them; x is returned as it is."""
         if guess.ndim == 1:
             return guess
-        complete = len(guess) == problem.phases.count
-        keyframes = guess if complete else np.broadcast_to(guess[-1], (problem.phases.count, self.world.nq))
-        return problem.join(guess, problem.modes.guess(keyframes))
+        phase_of = problem.phases.phase_of
+        at_switches = guess[phase_of if len(guess) == problem.phases.count else np.full(len(phase_of), -1)]
+        return problem.join(guess, problem.modes.guess(at_switches))
 
     def _solve_from(
         self, problem: PathProblem, guess: Array, options: SolverOptions

@@ -117,7 +117,8 @@ class ManyStarts:
         for number in problem.constraints.enforced:
             at = int(np.searchsorted(problem.knots, problem.phases.keyframes[number]))
             joints = set(problem.constraints.limb(number).tolist())
-            acting[at] = np.array(sorted(joints.union(*(own for own in people if joints & own))), np.intp)
+            joints = joints.union(*(own for own in people if joints & own))
+            acting[at] = np.union1d(acting[at], sorted(joints)).astype(np.intp)
         return acting
 
     def _spread(self, acting: list[Indices]) -> None:
@@ -277,13 +278,13 @@ class ManyStarts:
 
     def starts(self, seed: int) -> Array:
         """Return random starts (S, N), points of the sequence problem, fewer of larger problems."""
-        problem, knots = self.problem, len(self.problem.knots)
+        problem, knots, phase_of = self.problem, len(self.problem.knots), self.problem.phases.phase_of
         size = self.n + sum(int(rows.kept.sum()) for rows in self._rows)
         count = int(STARTS * min(1.0, (LARGE / size) ** 2))
         rng = np.random.default_rng(seed)
         q = np.tile(problem.initial_configuration, (count, knots, 1))
         q += rng.uniform(*RADII, (count, 1, 1)) * (rng.uniform(problem.world.lower, problem.world.upper, q.shape) - q)
-        return np.reshape([problem.join(one, problem.modes.guess(one)) for one in q], (count, problem.n))
+        return np.reshape([problem.join(one, problem.modes.guess(one[phase_of])) for one in q], (count, problem.n))
 
 
 class _Rows:

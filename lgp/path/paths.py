@@ -224,7 +224,7 @@ class PathSolver:
         path, variables = problem.split(np.clip(np.round(x, DIGITS), problem.lower, problem.upper))
         # Active constraints are found again by whoever starts from here.
         result = replace(result, y_in=result.y_in[: problem.constraints.always])
-        return Solution(path[problem.phases.keyframes], variables, path, problem.costs(x), result, starts), ""
+        return Solution(path[problem.phases.ends], variables, path, problem.costs(x), result, starts), ""
 
     def collision_constraints(self, phases: Phases) -> CollisionConstraints:
         """Return the collision constraints of a sequence, none active yet."""

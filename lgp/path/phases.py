@@ -1,13 +1,15 @@
 """Actions -> phases: which object is attached to what in which slices, and the keyframes of the switches.
 
-Action k ends phase k: its kinematic switch happens in the last slice of that phase, `keyframes[k]`. Slices count from
-0; before the first one all agents rest in the initial configuration.
+Action k ends a phase: its kinematic switch happens in the last slice of that phase, `keyframes[k]`. Actions that are
+`together` end the same one, all others one each. Slices count from 0; before the first one all agents rest in the
+initial configuration.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -60,10 +62,20 @@ class Phases:
         switches = tuple(switch_of(action) for action in actions)
         return Phases(scene, tuple(actions), switches, chosen, scene.phase_seconds, tuple(map(float, durations)))
 
-    @property
+    @cached_property
     def count(self) -> int:
-        """Number of phases."""
-        return len(self.switches)
+        """Number of phases K; there are A actions."""
+        return sum(not action.together for action in self.actions)
+
+    @cached_property
+    def phase_of(self) -> Indices:
+        """Number of the phase that each action ends, (A,)."""
+        return np.cumsum([not action.together for action in self.actions], dtype=np.intp) - 1
+
+    @cached_property
+    def switched(self) -> Indices:
+        """Number of actions before each phase, (K,): the number of its first action, and of its modes."""
+        return np.flatnonzero([not action.together for action in self.actions])
 
     @property
     def total(self) -> int:
@@ -86,9 +98,14 @@ class Phases:
         return np.repeat(self.phase_durations / self.slices, self.slices)
 
     @property
-    def keyframes(self) -> Indices:
-        """Slices in which the switches happen (K,)."""
+    def ends(self) -> Indices:
+        """Last slice of each phase (K,)."""
         return (np.arange(self.count) + 1) * self.slices - 1
+
+    @property
+    def keyframes(self) -> Indices:
+        """Slices in which the switches happen (A,)."""
+        return self.ends[self.phase_of]
 
     def times(self) -> Array:
         """Return the time of each slice [s], (T,)."""
@@ -101,10 +118,10 @@ class Phases:
         held = {name: part.hand for name, part in self.scene.objects.items() if part.hand}
         people = {name: at for at, name in enumerate(self.scene.humans)}
         masses = np.zeros((self.count, len(people)))
-        for number, switch in enumerate(self.switches):
-            for name, hand in held.items():
+        for number, (phase, switch) in enumerate(zip(self.phase_of, self.switches, strict=True)):
+            for name, hand in held.items() if number in self.switched else ():
                 if self.scene.hands[hand].human:
-                    masses[number, people[self.scene.hands[hand].agent]] += self.scene.objects[name].mass
+                    masses[phase, people[self.scene.hands[hand].agent]] += self.scene.objects[name].mass
             if switch.action.attaches_to == "hand":
                 held[switch.object_name] = switch.hand
             elif switch.action.attaches_to == "table":
@@ -117,8 +134,13 @@ class Phases:
         return sum(action.cost for action in self.actions)
 
     def label(self, number: int) -> str:
-        """Return an action as the paper prints it, with its number from 1."""
-        return self.actions[number].at(number + 1)
+        """Return an action as the paper prints it, with the number of its phase from 1."""
+        return self.actions[number].at(int(self.phase_of[number]) + 1)
+
+    def title(self, phase: int) -> str:
+        """Return a phase with its number from 1 and its actions: `phase 1, grasp(1, baxter.right, box)`."""
+        actions = " and ".join(self.label(number) for number in np.flatnonzero(self.phase_of == phase).tolist())
+        return f"phase {phase + 1}, {actions}"
 
 
 def switch_of(action: Action) -> KinematicSwitch:

@@ -84,7 +84,7 @@ class PathProblem:
         self.rate = float(f"{self.weights.ergonomics * phases.tau / self.cost_unit:.12g}")
         self.stage = stage
         self.terms = CostTerms(world)
-        switches = tuple(range(phases.count)) if enforced is None else tuple(enforced)
+        switches = tuple(range(len(phases.switches))) if enforced is None else tuple(enforced)
         self.constraints = Constraints(world, phases, self.modes, self.knots, switches, active)
         self.n = self.constraints.size
         self.lower = np.concatenate([np.tile(world.lower, len(self.knots)), self.modes.lower])

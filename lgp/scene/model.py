@@ -263,6 +263,7 @@ class Scene:
         goal: atoms of the goal, as text; with "not" before it, an atom has to be false.
         phase_seconds: duration of each phase [s], or the first guess of it.
         durations: "fixed", "stretched" where a joint would be too fast, or "free" where they are unknowns of a plan.
+        concurrent: whether independent actions of different agents may happen at the same time.
         slices: slices per phase of a path.
         humans: persons by name; that of `[human]` is "human".
         robots: robots by name.
@@ -296,6 +297,7 @@ class Scene:
     choices: tuple[FreeParameter, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
     obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
+    concurrent: bool = False
 
     @property
     def agents(self) -> tuple[Agent, ...]:

@@ -161,6 +161,7 @@ def read_scene(values: Mapping[str, Any], name: str = "scene", changes: Mapping[
         depth=entries.whole("depth", 4, low=1, high=40),
         hand_clearance=entries.number("hand_clearance", HAND_CLEARANCE, low=0.0, high=1.0),
         durations=entries.text("durations", "fixed", ("fixed", "stretched", "free")),
+        concurrent=entries.has("concurrent") and entries.flag("concurrent"),
         choices=tuple(_choice(number, entry, name) for number, entry in enumerate(_list(entries, "choices"))),
         values=chosen,
     )

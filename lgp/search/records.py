@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from lgp.logic.task import Action
 
 Skeleton = tuple[Action, ...]
+"""Actions in order; those that are `together` end the same phase as the one before."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ class SearchStatus(Enum):
 
     OPTIMAL = "no other sequence within the depth can cost less, by the local solutions of its bounds"
     GIVEN = "the sequence was given; no other was planned"
+    CONCURRENT = "actions of one sequence at the same time; no other plan with concurrent actions was made"
     GAP = "a plan was found; a budget ran out before the rest was excluded"
     INTERRUPTED = "interrupted; the best plan so far"
     INFEASIBLE = "no sequence within the depth is feasible"

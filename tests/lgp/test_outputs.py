@@ -106,7 +106,7 @@ def test_a_plan_replaces_the_former_one_whole_or_not_at_all(
         says(error, tmp_path, "cannot be written", "No space left")
         assert files(tmp_path) == before
     replace(plan, people={}).save(tmp_path)
-    assert {*files(tmp_path)} == {"plan.json", "path.parquet"}
+    assert {*files(tmp_path)} == {"plan.json", "plan.txt", "path.parquet"}
     assert lgp.Plan.load(tmp_path).posture.size == 0
 
 
@@ -126,7 +126,7 @@ def test_a_failed_planning_keeps_the_former_plan(
     assert json.loads((tmp_path / "new" / "plan.json").read_text())["reason"] == "out of reach"
 
 
-@pytest.mark.parametrize("name", ["plan.json", "path.parquet", "postures.parquet"])
+@pytest.mark.parametrize("name", ["plan.json", "plan.txt", "path.parquet", "postures.parquet"])
 def test_a_tree_and_an_export_replace_no_plan(
     plan: lgp.Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:

@@ -30,7 +30,9 @@ function onEvent({ action, state, text, plan: number, wait }) {
   follow.state = state;
   // An instruction counts only while the world is as the plan says; until then the reason stands in its place.
   root.classList.toggle("wait", Boolean(wait));
-  const known = Number.isInteger(action) && plan.actions[action];
+  // Actions at the same time have one slide.
+  const phase = Number.isInteger(action) ? plan.phases[action] : undefined;
+  const known = plan.actions[phase];
   const yours = Boolean(known && known.you);
   if (wait && state === "waiting") {
     showBanner("waiting", "Please wait", (text || "").replace(/^Please wait\. /, ""));
@@ -39,7 +41,7 @@ function onEvent({ action, state, text, plan: number, wait }) {
     const kind = yours && (state === "waiting" || state === "running") ? "yours" : state;
     if (heading) showBanner(kind, heading(yours ? known.who : ""), text || "");
   }
-  const slide = state === "finished" ? plan.actions.length + 1 : known ? action + 1 : null;
+  const slide = state === "finished" ? plan.actions.length + 1 : known ? phase + 1 : null;
   // The worker may look at other slides; only a new action changes the slide.
   if (slide === null || follow.slide === slide) return;
   follow.slide = slide;
