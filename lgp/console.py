@@ -48,7 +48,7 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         whose = f" of {name}" if len(people) > 1 else ""
         console.print(Text(f"REBA{whose}: mean {own['mean']:.2f}, max {own['max']}"))
     best = {
-        "optimal": "no other sequence within the depth costs less",
+        "optimal": "no other sequence within the depth was found to cost less",
         "given": "no other sequence was planned",
         "concurrent": "no other plan with concurrent actions was made",
     }.get(summary["status"], f"the optimum within the depth may cost up to {search['gap']:.1%} less")
