@@ -2,8 +2,8 @@
 
 Equalities: pose continuity of objects at switches, screws at their place in joined parts, limbs at rest at their
 switches, holding hands and planted soles at rest. Inequalities: tilt of hands that work on tables, leg reach, and what
-becomes active in a path: distances of bodies and speeds. Actions may bring both. Joint limits and borders of table tops
-are bounds.
+becomes active in a path: distances of bodies, limits of joints and leg reach between slices. Actions may bring both.
+Joint limits and borders of table tops are bounds.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from lgp.collision.contacts import draw_back_slices
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
-from lgp.kinematics.posture import PELVIS, PostureMap
 from lgp.kinematics.world import World
 from lgp.path.action_constraints import ActionConstraints
 from lgp.path.active_constraints import ActiveConstraints
 from lgp.path.hessian import RowBlocks
+from lgp.path.leg_reach import LegReachConstraint
 from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
 from lgp.path.phases import Phases
-from lgp.scene.model import Human
 from reba.arrays import Array, Indices
 
 
@@ -277,42 +276,3 @@ def _stand(joints: dict[Pair, set[int]], standing: list[int], slices: range, unk
     for second in slices[1:]:
         joints.setdefault((first, second), set()).update(standing)
         first = second if second in unknown else first
-
-
-BLEND = 1e-4
-"""[m] Width of the smooth maximum over both legs: each counts where they differ by less; costs 0.07 mm of reach."""
-
-
-class LegReachConstraint:
-    """Leg reach of a person whose legs follow from the pelvis: a smooth maximum (log-sum-exp) over both legs.
-
-    Attributes:
-        person: name of the person.
-        columns: (p,) of q: those of the pelvis that move.
-    """
-
-    def __init__(self, world: World, person: Human) -> None:
-        self.person, self.posture = person.name, PostureMap(world, person)
-        pelvis = (world.column.get(f"{person.name}.{name}") for name in PELVIS)
-        self.columns = np.array(sorted(column for column in pelvis if column is not None), dtype=np.intp)
-        self._own = np.searchsorted(self.posture.columns, self.columns)
-
-    def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Return by how much [m] the legs are too short (n,), not above 0 where both reach, and its gradient (n, p)."""
-        excess, gradients, shares = self._sides(q)
-        longer = excess.max(axis=1)
-        value = longer + BLEND * np.log(np.exp((excess - longer[:, None]) / BLEND).sum(axis=1))
-        return value, np.einsum("ns,nsp->np", shares, gradients)
-
-    def curvature(self, q: Array) -> Array:
-        """Return the convex part of the second derivative (n, p, p)."""
-        _, gradients, shares = self._sides(q)
-        difference = gradients[:, 0] - gradients[:, 1]
-        scale = (shares.prod(axis=1) / BLEND)[:, None, None]
-        return np.asarray(scale * difference[:, :, None] * difference[:, None, :])
-
-    def _sides(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return by how much [m] each leg is too short (n, 2), its gradient (n, 2, p), its share in the maximum."""
-        excess, by_person = self.posture.leg_shortfall(q)
-        weights = np.exp((excess - excess.max(axis=1, keepdims=True)) / BLEND)
-        return excess, by_person[:, :, self._own], weights / weights.sum(axis=1, keepdims=True)

@@ -33,16 +33,6 @@ class _Rows(NamedTuple):
     speeds: Flags
 
 
-def beyond_limits(world: World, start: Array, path: Array) -> str:
-    """Return which joint of a path (T, nq) from (nq,) passes its limit between slices, "" where none does."""
-    over, _ = _beyond(world, start, path)
-    if over.max(initial=0.0) <= BEYOND:
-        return ""
-    slice_number, _, joint = np.unravel_index(int(over.argmax()), over.shape)
-    name, unit = world.joints[joint], world.units[world.joints[joint]]
-    return f"{name} is {unit.from_si(over.max()):.3g} {unit.written} beyond its limit in slice {slice_number + 1}"
-
-
 def _beyond(world: World, start: Array, path: Array) -> tuple[Array, Array]:
     """Return how far (T, SAMPLES, nq) [rad, m] joints pass their limits between slices, and in which sense."""
     dense = interpolate(np.concatenate([start[None], path]), *place_of(np.arange(len(path) * SAMPLES)))
@@ -74,7 +64,7 @@ class JointConstraints:
     def __len__(self) -> int:
         return len(self.rows.points)
 
-    def add_violated(self, q: Array) -> int:
+    def add_violated(self, q: Array, z: Array) -> int:
         """Add the limits that a path (T, nq) breaks, and speeds that are near theirs; return how many are broken.
 
         Of the points of a slice and a joint only the worst becomes active.
@@ -117,7 +107,7 @@ class JointConstraints:
             self.rows = _Rows(*(np.concatenate(pair) for pair in zip(self.rows, rows, strict=True)))
         return int(np.count_nonzero(broken))
 
-    def blocks(self) -> Blocks:
+    def blocks(self, tail: int) -> Blocks:
         """Return the unknowns of each row: the joint in the slices around."""
         return [
             (1, np.array(self._slices(point)) * self.world.nq + joint)
@@ -132,26 +122,46 @@ class JointConstraints:
             for point, joint, _, speed in zip(*(part.tolist() for part in self.rows), strict=True)
         ]  # fmt: skip
 
-    def evaluate(self, q: Array) -> tuple[Array, list[Array]]:
-        """Return the rows (m,) [rad, m] at a path (T, nq), and the entries of their gradients."""
+    def evaluate(self, q: Array, z: Array) -> Array:
+        """Return the rows (m,) [rad, m] at a path (T, nq)."""
         if not len(self):
-            return np.zeros(0), []
+            return np.zeros(0)
         points, joints, senses, speeds = self.rows
-        used, places = np.unique(points, return_inverse=True)
-        knots = np.concatenate([self.initial_configuration[None], q])
-        before, share = place_of(used)
-        here, next_to = interpolate(knots, before, share), interpolate(knots, before, share + 1.0 / SAMPLES)
-        by_knot = interpolation_weights(knots, before, share)
-        further = SAMPLES * (interpolation_weights(knots, before, share + 1.0 / SAMPLES) - by_knot)
-        weights = senses[:, None] * np.where(speeds[:, None], further[places, :, joints], by_knot[places, :, joints])
-        moves = senses * SAMPLES * (next_to - here)[places, joints] - self.limits[points // SAMPLES, joints]
+        knots, before, share = self._places(q)
+        here, further = interpolate(knots, before, share), interpolate(knots, before, share + 1.0 / SAMPLES)
+        rows = np.arange(len(points))
+        moves = senses * SAMPLES * (further - here)[rows, joints] - self.limits[points // SAMPLES, joints]
         bounds = np.where(senses > 0.0, self.world.upper[joints], self.world.lower[joints])
+        return np.where(speeds, moves, senses * (here[rows, joints] - bounds))
+
+    def gradients(self, q: Array, z: Array) -> list[Array]:
+        """Return the entries of the gradient of each row."""
+        if not len(self):
+            return []
+        points, joints, senses, speeds = self.rows
+        knots, before, share = self._places(q)
+        rows = np.arange(len(points))
+        by_knot = interpolation_weights(knots, before, share)[rows, :, joints]
+        further = interpolation_weights(knots, before, share + 1.0 / SAMPLES)[rows, :, joints]
+        weights = senses[:, None] * np.where(speeds[:, None], SAMPLES * (further - by_knot), by_knot)
         blocks = []
         for row, point in enumerate(points.tolist()):
             slices = self._slices(point)
             first = AROUND.index(slices[0] + 1 - point // SAMPLES)
             blocks.append(weights[row, first : first + len(slices)])
-        return np.where(speeds, moves, senses * (here[places, joints] - bounds)), blocks
+        return blocks
+
+    def hessian_columns(self) -> list[Indices]:
+        """Return no blocks: the rows are linear."""
+        return []
+
+    def hessian(self, q: Array, z: Array, y: Array) -> list[Array]:
+        """Return no curvature."""
+        return []
+
+    def _places(self, q: Array) -> tuple[Array, Indices, Array]:
+        """Return the knots of a path (T, nq), and the knot before each row and the share of the way to the next."""
+        return np.concatenate([self.initial_configuration[None], q]), *place_of(self.rows.points)
 
     def _slices(self, point: int) -> list[int]:
         """Return the slices that a point depends on; the initial configuration is no unknown."""

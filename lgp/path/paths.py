@@ -29,9 +29,10 @@ from lgp.path.collision_path import (
     solve_contacts,
 )
 from lgp.path.feasibility import explain_infeasibility, nearest_feasible
-from lgp.path.joint_constraints import JointConstraints, beyond_limits
+from lgp.path.joint_constraints import JointConstraints
 from lgp.path.joint_speeds import needed_durations, speed_limits, too_fast
 from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
+from lgp.path.leg_reach import LegConstraints
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.sqp.problem import SolverOptions
@@ -107,11 +108,12 @@ class PathSolver:
         limited = self.limits_speeds or self.extends_phases
         reason = too_fast(world, phases, start, solution.path) if limited else ""
         if not reason:
-            reason = beyond_limits(world, start, solution.path)
-            if not reason:
+            if not self.active(phases, collision_free=False).add_violated(solution.path, solution.variables):
                 return answer
             kept = self.solve_again(phases, solution, collision_free=collision_free)
-            return (None, f"path: {reason}") if kept is None else (replace(kept, durations=solution.durations), "")
+            if kept is None:
+                return None, "path: a joint or a leg passes its limit between slices"
+            return replace(kept, durations=solution.durations), ""
         needed = needed_durations(speed_limits(world), start, solution.path, phases.slices)
         for factor in DURATION_FACTORS if self.extends_phases else (0.0,):
             longer = np.maximum(factor * needed, phases.phase_durations)
@@ -236,6 +238,7 @@ class PathSolver:
         limited = self.limits_speeds if speeds is None else speeds
         return MotionConstraints(
             JointConstraints(world, phases, start, limits_speeds=limited),
+            [LegConstraints(world, phases, start, one) for one in world.scene.humans.values() if one.legs == "solved"],
             self.collision_constraints(phases) if collision_free else None,
         )
 

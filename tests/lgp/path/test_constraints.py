@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
 from lgp.kinematics.posture import PostureMap
-from lgp.path.constraints import BLEND, LegReachConstraint
+from lgp.path.leg_reach import BLEND, LegConstraints, LegReachConstraint
+from lgp.path.phases import Phases
 from tests.support.lgp_worlds import human_world
 
 
@@ -40,3 +44,28 @@ def test_leg_reach_has_its_stated_gradient_and_convex_curvature(
         difference = (legs.evaluate(q + step)[0] - legs.evaluate(q - step)[0]) / 2e-7
         assert slope[:, at] == pytest.approx(difference, abs=1e-5)
     assert np.linalg.eigvalsh(legs.curvature(q)).min() > -1e-9
+
+
+def test_a_leg_that_is_too_short_between_slices_becomes_a_row() -> None:
+    world = human_world("solved")
+    assert world.scene.human is not None
+    start, slices = world.initial_configuration, 6
+    rows = LegConstraints(world, cast(Phases, SimpleNamespace(total=slices)), start, world.scene.human)
+    none = np.zeros(0)
+    assert rows.add_violated(np.tile(start, (slices, 1)), none) == 0
+    # The pelvis goes 40 cm to the side and comes back, low enough in each slice alone.
+    columns = [world.column[f"human.pelvis_{name}"] for name in ("x", "z")]
+    path = np.tile(start, (slices, 1))
+    path[:, columns] += [(0.2, -0.05), (0.4, -0.3), (0.38, -0.1), (0.2, -0.05), (0.05, 0.02), (0.01, 0.01)]
+    count = rows.add_violated(path, none)
+    assert count == len(rows) == len(rows.names()) == len(rows.blocks(0)) > 0
+    assert rows.add_violated(path, none) == 0
+    value, gradients = rows.evaluate(path, none), rows.gradients(path, none)
+    assert (value > 5e-4).all()
+    way = np.zeros(path.shape)  # joints that rest would not do so beside the path
+    way[:, columns] = np.random.default_rng(0).normal(size=(slices, 2))
+    difference = (rows.evaluate(path + 1e-7 * way, none) - rows.evaluate(path - 1e-7 * way, none)) / 2e-7
+    along = [
+        gradient @ way.ravel()[unknowns] for gradient, (_, unknowns) in zip(gradients, rows.blocks(0), strict=True)
+    ]
+    assert along == pytest.approx(difference, abs=1e-5)

@@ -93,13 +93,14 @@ def test_rows_have_the_derivatives_they_say(tmp_path: Path) -> None:
     world = World(given)
     phases = Phases.of(given, parse_sequence(task_of(given), SEQUENCE))
     rng = np.random.default_rng(0)
-    # Rising in every joint: all are too fast.
+    # Rising in every joint: all are too fast, and pass their limits.
     path = world.initial_configuration + np.cumsum(rng.uniform(0.9, 1.5, (phases.total, world.nq)), axis=0)
-    rows = MotionConstraints(JointConstraints(world, phases, world.initial_configuration), None)
+    rows = MotionConstraints(JointConstraints(world, phases, world.initial_configuration), [], None)
     z = np.zeros(0)
     assert rows.add_violated(path, z) == len(rows) > 20
     problem = PathProblem(world, phases, active=rows)
-    own = [number for number, row in enumerate(problem.constraints.in_rows) if row.kind == "speed"]
+    own = [number for number, row in enumerate(problem.constraints.in_rows) if row.kind in ("speed", "limit")]
+    assert {problem.constraints.in_rows[number].kind for number in own} == {"speed", "limit"}
     z = np.zeros(problem.modes.size)
 
     def value(points: Array) -> Array:
