@@ -78,6 +78,7 @@ class PathSolver:
         multi_start: bool,
     ) -> None:
         self.keyframes, self.free_path, self.multi_start = keyframes, free_path, multi_start
+        self.collisions = collisions
         self.limits_speeds = keyframes.world.scene.durations == "fixed"
         self.extends_phases = keyframes.world.scene.durations == "stretched"
         self.tolerance = options.violation
@@ -108,12 +109,14 @@ class PathSolver:
         limited = self.limits_speeds or self.extends_phases
         reason = too_fast(world, phases, start, solution.path) if limited else ""
         if not reason:
-            if not self.active(phases, collision_free=False).add_violated(solution.path, solution.variables):
+            # Paths of the last level have these as rows; another one is only where the last level begins.
+            last = collision_free or not self.collisions
+            if not last or not self.active(phases, collision_free=False).add_violated(
+                solution.path, solution.variables
+            ):
                 return answer
             kept = self.solve_again(phases, solution, collision_free=collision_free)
-            if kept is None:
-                return None, "path: a joint or a leg passes its limit between slices"
-            return replace(kept, durations=solution.durations), ""
+            return answer if kept is None else (replace(kept, durations=solution.durations), "")
         needed = needed_durations(speed_limits(world), start, solution.path, phases.slices)
         for factor in DURATION_FACTORS if self.extends_phases else (0.0,):
             longer = np.maximum(factor * needed, phases.phase_durations)
