@@ -58,7 +58,7 @@ def test_the_score_is_the_sum_of_the_scores_of_each() -> None:
     assert gradient.shape == (20, len(ergonomics().columns))
     assert [block.shape[1] for block in blocks] == [len(part) for part in ergonomics().parts]
     step = 1e-6
-    for column in (3, 40):
+    for column in (3, len(ergonomics().columns) - 4):
         moved = q.copy()
         moved[:, ergonomics().columns[column]] += step
         slope = (ergonomics().value(moved, loads) - score) / step
