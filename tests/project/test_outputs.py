@@ -41,7 +41,7 @@ GIVEN: dict[str, tuple[str, ...]] = {
 READ = {
     "reba": {
         "--rules", "--profile", "--topic", "--body", "--neutral", "--activity", "--error", "--scheduler", "--window",
-        "--hold", "--settle", "--task", "--assessor", "--date",
+        "--hold", "--settle", "--task", "--assessor", "--date", "--camera",
     },
     "dreba": {
         "--kind", "--option", "--poses", "--hold", "--joints", "--domain", "--factors", "--classes", "--name", "--to",
