@@ -292,10 +292,15 @@ def _unit(names: tuple[str, ...]) -> Literal["rad", "deg", ""]:
 def _table(
     frame: pd.DataFrame, timed: np.ndarray, time: np.ndarray, numbers: dict[str, np.ndarray], used: list[str]
 ) -> pd.DataFrame:
-    """Return the rows that have a time: `time` [s] first, the angles as floats, other columns unchanged."""
+    """Return the rows that have a time: `time` [s] first, the angles as floats, other columns unchanged.
+
+    Args:
+        timed: which rows of the frame have a time.
+        time: of these rows [s], NaN where it is damaged.
+    """
     table = frame[timed].drop(columns=[*used, *({"time"} & set(frame.columns))]).reset_index(drop=True)
     for column in COLUMNS:
         if column in table.columns:
             table[column] = numbers[column]
     table.insert(0, "time", time)
-    return table
+    return table if np.isfinite(time).all() else table[np.isfinite(time)].reset_index(drop=True)

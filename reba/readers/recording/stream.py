@@ -78,7 +78,7 @@ class Block:
     """Consecutive samples of a stream.
 
     Attributes:
-        time: (n,) seconds since `Stream.epoch`; normally increasing, NaN for rows whose time is damaged.
+        time: (n,) seconds since `Stream.epoch`; normally increasing.
         names: the k signal names of `values`; later blocks may have more.
         values: joints and angles (n, k); points (n, k, 3); frames (n, k, 7). NaN = no value at that time.
         parents: frames only: the parent frame of each name, "" for a pose that is already in the world.
@@ -268,6 +268,8 @@ def array_stream(
 ) -> Stream:
     """Return a stream of k signals at times (n,) [s], as they stand in the rows, in blocks of `BLOCK` samples.
 
+    Rows whose time is damaged or absent are left out, and counted.
+
     Args:
         values: (n, k) or (n, k, 3) or (n, k, 7) as in `Block`, or a function from a slice of samples to them.
         opened: notes made on opening; every reading starts with them.
@@ -276,6 +278,8 @@ def array_stream(
     signals = tuple(names)
     clock = row_times(time)
     time = clock.time
+    timed = np.isfinite(time)
+    count = int(np.count_nonzero(timed))
     for note in clock.notes:
         opened.warn(note)
     parents: tuple[str, ...] = more.get("parents", ())
@@ -287,6 +291,7 @@ def array_stream(
             columns = [index for index, signal in enumerate(signals) if signal in chosen]
         log.messages += len(time) + opened.skipped
         log.skip(opened.skipped, opened.first_skipped or "")
+        log.unused["no_time"] += len(time) - count
         log.ended_abnormally = log.ended_abnormally or opened.ended_abnormally
         log.time_source = opened.time_source
         for warning in opened.warnings:
@@ -294,17 +299,20 @@ def array_stream(
         for start in range(0, len(time), BLOCK):
             part = slice(start, start + BLOCK)
             all_values = values(part) if callable(values) else values[part]
+            known = timed[part]
+            if not known.all():
+                all_values = all_values[known]
             yield Block(
-                time[part],
+                time[part][known],
                 tuple(signals[index] for index in columns),
                 all_values if wanted is None else all_values[:, columns],
                 tuple(parents[index] for index in columns) if parents else (),
             )
 
-    known = time[np.isfinite(time)]
-    if len(known):
-        more.setdefault("present", dict.fromkeys(signals, ((float(known.min()), float(known.max())),)))
-    return Stream(name, kind, format, signals, read, count=len(time), seams=clock.seams, **more)
+    if count:
+        first, last = float(np.nanmin(time)), float(np.nanmax(time))
+        more.setdefault("present", dict.fromkeys(signals, ((first, last),)))
+    return Stream(name, kind, format, signals, read, count=count, seams=clock.seams, **more)
 
 
 def unique_names(names: Sequence[str], log: ReadLog) -> tuple[str, ...]:

@@ -79,3 +79,12 @@ def test_a_damaged_time_is_accounted_for(tmp_path: Path) -> None:
     assert table.data["time"].iloc[[0, -1]].tolist() == pytest.approx([0.0, 5.9])
     (account,) = table.quality.accounts
     assert (account["read"], account["used"], account["not_used"]) == (60, 59, {"no_time": 1})
+
+
+def test_a_damaged_time_leaves_its_row_out_of_blocks_and_table(tmp_path: Path) -> None:
+    path = tmp_path / "doubled.csv"
+    path.write_text("time,trunk_flexion,load\n0.0,10,1\n0.1,20,2\n3.5,,\n0.2,30,3\n")
+    table = reba.read(path)
+    assert table.data[["time", "trunk_flexion", "load"]].to_numpy().tolist() == [[0, 10, 1], [0.1, 20, 2], [0.2, 30, 3]]
+    (account,) = table.quality.accounts
+    assert (account["read"], account["used"], account["not_used"]) == (4, 3, {"no_time": 1})
