@@ -1,33 +1,27 @@
-"""The plan as a frozen record - actions, motion, costs, residuals, true REBA scores - and its files."""
+"""The plan as a frozen record: actions, motion, costs, residuals, true REBA scores."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from lgp.agent_trajectory import AgentTrajectory, configurations_at, moments_of
 from lgp.errors import LgpError
-from lgp.files import ACTIONS_FILE, PLAN_FILE, PLAN_FILES
-from lgp.kinematics.interpolation import NAME as INTERPOLATION
 from lgp.logic.task import numbered
+from lgp.plan_files import AS_THEY_ARE, SavedMotion, read_plan, write_plan
 from lgp.scene.model import Scene
-from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
 from reba.checks import PATH, POSITIVE, TEXT, accepts
 from reba.errors import did_you_mean
-from reba.files import as_json, plain_data, write_folder, write_text
+from reba.files import as_json, plain_data
 from reba.method.rules import Rules
 from reba.method.scoring import ScoreArrays, score_angles
-from reba.open_file import open_regular, read_settings
-from reba.posture.columns import COLUMNS
-from reba.provenance import generator, provenance, write_parquet
+from reba.provenance import generator, provenance
 
 
 def _no_values() -> Array:
@@ -227,7 +221,7 @@ class Plan:
         Actions with the same begin happen at the same time: `0.000: (grasp baxter.right screwdriver) [2.000]`.
         """
         begins = np.append(0.0, np.cumsum(self.durations)).round(9)
-        lines = [f"; {generator('lgp')}: {self.scene.name}", f"; cost {self.costs.get('total', 0.0):.6g}"]
+        lines = [f"; {generator('lgp')}", f"; {self.scene.name}: cost {self.costs.get('total', 0.0):.6g}"]
         for (text, _), phase in zip(numbered(self.actions), self.phase_of, strict=True):
             words = text.removesuffix(")").replace("(", ", ", 1).replace(", ", " ")
             lines.append(f"{begins[phase]:.3f}: ({words}) [{self.durations[phase]:.3f}]")
@@ -243,7 +237,18 @@ class Plan:
         Raises:
             LgpError: the folder cannot be written.
         """
-        save(self, Path(folder))
+        data = {
+            "scene": {"name": self.scene.name, "values": self.scene.values},
+            **{name: getattr(self, name) for name in AS_THEY_ARE},
+            "actions": list(self.actions),
+            "durations": list(self.durations),
+            "joints": list(self.joints),
+            "start": self.start.tolist(),
+            "reba": self.summary()["reba"],
+        }
+        people = {name: (one.angles, one.carried) for name, one in self.people.items()}
+        motion = SavedMotion(self.time, self.phase, self.path, people)
+        write_plan(Path(folder), data, motion, self.pddl() if self.feasible else "")
 
     @staticmethod
     @accepts(LgpError, folder=PATH)
@@ -253,155 +258,8 @@ class Plan:
         Raises:
             LgpError: the folder has no plan, or it is damaged or of a newer version.
         """
-        return load(Path(folder))
-
-
-FORMAT: Final = "lgp-plan"
-VERSION: Final = 1
-"""Version of the format; increased when readers of the previous one would misread a plan."""
-PLAIN: Final[dict[str, type]] = {
-    "feasible": bool,
-    "status": str,
-    "reason": str,
-    "costs": dict,
-    "residuals": dict,
-    "solver": dict,
-    "search": dict,
-    "variables": dict,
-}
-"""Fields that are saved as they are, with their JSON types."""
-LATER: Final[dict[str, type]] = {"weights": dict, "audit": dict, "provenance": dict, "starts": dict, "concurrent": dict}
-"""Fields that older plans do not have, with their JSON types."""
-NUMBERS: Final = ("costs", "residuals", "variables")
-"""Fields whose values are numbers by name."""
-
-
-def save(plan: Plan, folder: Path) -> None:
-    """Write a plan into a folder, which is created; see `Plan.save`."""
-    import pandas as pd
-
-    data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
-    data["scene"] = {"name": plan.scene.name, "values": plan.scene.values}
-    data |= {name: getattr(plan, name) for name in PLAIN}
-    data |= {
-        "actions": list(plan.actions),
-        "durations": list(plan.durations),
-        "interpolation": INTERPOLATION,
-        "joints": list(plan.joints),
-        "start": plan.start.tolist(),
-    }
-    data |= {"reba": plan.summary()["reba"]} | {name: getattr(plan, name) for name in LATER}
-    times = {"time": plan.time, "phase": plan.phase}
-
-    def write(part: Path) -> None:
-        write_text(part / PLAN_FILE, as_json(data, indent=1) + "\n")
-        if plan.feasible:
-            write_text(part / ACTIONS_FILE, plan.pddl())
-            columns = dict(zip(plan.joints, plan.path.T, strict=True))
-            write_parquet(pd.DataFrame(times | columns), part / "path.parquet", plan.provenance)
-        for file, one in zip(_posture_files(plan.people), plan.people.values(), strict=True):
-            angles = dict(zip(COLUMNS, one.angles.T, strict=True))
-            postures = pd.DataFrame({"time": plan.time, **angles, "load": one.carried})
-            write_parquet(postures, part / file, plan.provenance)
-
-    write_folder(folder, write, last=PLAN_FILE, stale=PLAN_FILES, error=LgpError)
-
-
-def _posture_files(people: Iterable[str]) -> list[str]:
-    """Return the name of the file of each person."""
-    return [f"postures-{name}.parquet" if at else "postures.parquet" for at, name in enumerate(people)]
-
-
-def load(folder: Path) -> Plan:
-    """Return the plan that `save` wrote into a folder."""
-    file = folder / PLAN_FILE
-    data = _read(file)
-    fields: dict[str, Any] = {name: data[name] for name in PLAIN}
-    fields["search"] = {
-        name: math.inf if value is None and name in ("bound", "gap") else value
-        for name, value in data["search"].items()
-    }
-    fields["scene"] = _scene(file, data["scene"])
-    fields |= {name: data.get(name, kind()) for name, kind in LATER.items()}
-    fields |= {"actions": tuple(data["actions"]), "joints": tuple(data["joints"])}
-    try:
-        fields["start"] = np.array(data["start"], dtype=float)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise LgpError(f"{file}: 'start' is {data['start']!r}, expected numbers ({error}); plan again") from error
-    if data["feasible"]:
-        fields |= _tables(folder, fields["joints"], fields["scene"].humans)
-    return Plan(**fields)
-
-
-def _read(file: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(read_settings(file))
-    except (OSError, ValueError, RecursionError) as error:
-        raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise LgpError(f'{file}: not a plan, expected "format": "{FORMAT}"; give a folder that `lgp plan -o` wrote')
-    if not isinstance(data.get("version"), int) or data["version"] > VERSION:
-        raise LgpError(f"{file}: version is {data.get('version')}, expected up to {VERSION}; update this package")
-    between = data.get("interpolation", INTERPOLATION)
-    if between != INTERPOLATION:
-        raise LgpError(f"{file}: its motion between slices is {between!r}, expected {INTERPOLATION!r}; plan again")
-    missing = [name for name in (*PLAIN, "scene", "actions", "joints", "start") if name not in data]
-    if missing:
-        raise LgpError(f"{file}: {missing[0]!r} is missing; the file is damaged, plan again")
-    _check(file, data)
-    return data
-
-
-def _check(file: Path, data: dict[str, Any]) -> None:
-    """Refuse fields of a wrong type."""
-    kinds = {**PLAIN, **LATER}
-    wrong = [name for name, kind in kinds.items() if not isinstance(data.get(name, kind()), kind)]
-    wrong += [name for name in NUMBERS if name not in wrong and not all(map(_is_number, data[name].values()))]
-    for name in ("actions", "joints"):
-        if not isinstance(data[name], list) or not all(isinstance(part, str) for part in data[name]):
-            wrong.append(name)
-    if wrong:
-        raise LgpError(f"{file}: {wrong[0]!r} has a wrong type; the file is damaged, plan again")
-
-
-def _is_number(value: Any) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
-
-
-def _scene(file: Path, data: Any) -> Scene:
-    """Return the scene of a saved plan; LgpError where it is missing or invalid."""
-    if not isinstance(data, dict) or not isinstance(data.get("values"), dict):
-        raise LgpError(f"{file}: its scene is missing; the file is damaged, plan again")
-    return read_scene(data["values"], str(data.get("name")))
-
-
-def _tables(folder: Path, joints: tuple[str, ...], people: Iterable[str]) -> dict[str, Any]:
-    import pandas as pd
-    import pyarrow as pa
-
-    def table(name: str) -> pd.DataFrame:
-        with open_regular(folder / name) as file:
-            return pd.read_parquet(file)
-
-    try:
-        path = table("path.parquet")
-        if list(path.columns) != ["time", "phase", *joints]:
-            raise LgpError(f"{folder}: columns of path.parquet differ from the joints of plan.json; plan again")
-        fields: dict[str, Any] = {
-            "time": path["time"].to_numpy(np.float64),
-            "phase": path["phase"].to_numpy(np.intp),
-            "path": path[list(joints)].to_numpy(np.float64),
-            "people": {},
-        }
-        for name, file in zip(people, _posture_files(people), strict=True):
-            if (folder / file).exists():
-                own = table(file)
-                if len(own) != len(path):
-                    raise LgpError(f"{folder}: {file} has {len(own)} rows, expected {len(path)}; plan again")
-                angles, carried = own[list(COLUMNS)].to_numpy(np.float64), own["load"].to_numpy(np.float64)
-                fields["people"][name] = PersonPostures(angles, carried)
-    except LgpError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
-        raise LgpError(f"{folder}: its motion cannot be read ({error}); plan again") from error
-    return fields
+        fields, motion = read_plan(Path(folder))
+        if motion is None:
+            return Plan(**fields)
+        people = {name: PersonPostures(*own) for name, own in motion.people.items()}
+        return Plan(**fields, time=motion.time, phase=motion.phase, path=motion.path, people=people)

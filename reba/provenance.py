@@ -8,7 +8,7 @@
     Excel     the creator in its properties, and rows of the sheet `Summary`
     HTML      <meta name="generator">
     SVG       <metadata>
-    code      a line of its own with the generator
+    code      a line of its own with the generator; so PDDL, as its first comment
 
 There is no time stamp among it: the same command on the same version gives the same bytes.
 """

@@ -98,7 +98,7 @@ def test_a_plan_replaces_the_former_one_whole_or_not_at_all(
     def full(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    for step in ("lgp.plan_record.write_text", "lgp.plan_record.write_parquet"):
+    for step in ("lgp.plan_files.write_text", "lgp.plan_files.write_parquet"):
         with monkeypatch.context() as disk:
             disk.setattr(step, full)
             with pytest.raises(LgpError) as error:

@@ -135,6 +135,7 @@ TEXTS: Mapping[str, Callable[[str], str]] = {
     ".py": of_markup(r"\A\"\"\".*\n\nWritten by (.+)\.\n"),
     ".md": of_markup(r"\nWritten by (.+)\.\n\Z"),
     ".casadi": of_markup(r"\n(.+)\n\Z"),
+    ".txt": of_markup(r"\A; (.+)\n"),
 }
 
 
