@@ -110,7 +110,7 @@ def test_the_mirror_image_costs_the_same() -> None:
 def test_a_saved_plan_keeps_both(plan: lgp.Plan, tmp_path: Path) -> None:
     plan.save(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {
-        "plan.json", "path.parquet", "postures.parquet", "postures-bert.parquet",
+        "plan.json", "plan.txt", "path.parquet", "postures.parquet", "postures-bert.parquet",
     }  # fmt: skip
     again = lgp.Plan.load(tmp_path)
     for name, one in plan.people.items():

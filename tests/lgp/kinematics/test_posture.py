@@ -97,7 +97,7 @@ def test_leg_shortfall_by_differences() -> None:
 def test_a_world_without_a_human_has_no_posture() -> None:
     world = human_world()
     robots_only = World.__new__(World)
-    robots_only.__dict__ = {**world.__dict__, "scene": type(world.scene)(**{**vars(world.scene), "human": None})}
+    robots_only.__dict__ = {**world.__dict__, "scene": type(world.scene)(**{**vars(world.scene), "humans": {}})}
     with pytest.raises(WorldError) as error:
         PostureMap(robots_only)
     says(error, "no human")
