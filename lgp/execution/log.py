@@ -6,7 +6,7 @@ Topics, times in seconds since the run began plus its first wall-clock time:
     /events                   JSON  what happened (`Event`)
     /predicates               JSON  start or end predicates of the current action, whenever one changes
     /state                    JSON  what a restart needs, see `checkpoint.Checkpoint`
-    /comparison               JSON  cost of retargeting against a new plan, see `session.retarget_cost`
+    /comparison               JSON  cost of retargeting against a new plan, see `retarget_cost`
     /ergonomics/posture       JSON  posture angles [deg] and carried load [kg] of the human; `reba score` reads them
     /human/joint_states       sensor_msgs/JointState, joints of human.urdf
     /ergonomics/<name>/posture  JSON  the same of each further person
