@@ -80,7 +80,9 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
     ("path", "value", "facts"),
     [
         ("human.statur", 1.7, ("human: unknown key 'statur'", "did you mean 'stature'")),
-        ("humans", {}, ("unknown key 'humans'", "did you mean 'human'")),
+        ("humn", {}, ("unknown key 'humn'", "did you mean 'human'")),
+        ("humans", {"bert": {"statur": 1.7}}, ("humans.bert: unknown key 'statur'", "did you mean 'stature'")),
+        ("humans", 3, ("humans is 3", "expected a table")),
         ("slices", 2.5, ("slices is 2.5", "whole number")),
         ("depth", 2.5, ("depth is 2.5", "whole number")),
         ("human.stature", "tall", ("stature is 'tall'", "expected a finite number")),
