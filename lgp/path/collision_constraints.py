@@ -63,7 +63,7 @@ class CollisionConstraints:
     Attributes:
         points: (m,) time of each constraint in steps of 1 / POINTS_PER_SLICE slices; new ones come last.
         pairs: (m,) its pair of bodies.
-        contacts_alone: whether only pairs become active that actions bring near each other, or keep apart.
+        contacts_alone: whether only pairs become active for which actions declare contact or a distance.
     """
 
     def __init__(self, world: World, phases: Phases, initial_configuration: Array, margin: float = MARGIN) -> None:

@@ -88,7 +88,7 @@ def solve_constrained(
         limited = replace(
             chosen,
             longest_step=min(MAX_STEP, options.longest_step),
-            trust_region=True,
+            trust_region=coarse,
             iterations=min(FINAL_ITERATIONS, chosen.iterations),
         )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))

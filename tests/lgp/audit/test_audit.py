@@ -106,12 +106,12 @@ def test_the_window_of_a_switch_forgives_a_touch_only(tmp_path: Path) -> None:
     for dip, clean in ((0.002, True), (0.004, False)):
         plan = carried(tmp_path)
         path = plan.path.copy()
-        path[-4:, 2] = GRIP  # it comes to rest before, so that nothing but the dip is below
-        path[-2, 2] = GRIP - dip  # one slice, 0.2 s, before it stands
+        path[-5:, 2] = GRIP  # it is at rest before, and 2 mm up until the window, so that only the dip is below
+        path[-3:-1, 2] += 0.002, -dip  # two slices, 0.4 s, and one before it stands
         audit = audit_plan(replace(plan, path=path))
-        boxes = [one for one in audit.contacts if set(one.pair) == {"box", "table.b"}]
+        boxes = [one for one in audit.contacts if set(one.pair) == {"box", "table.b"} and one.depth > 1e-9]
         assert (boxes == []) == clean
-        assert all(one.depth == pytest.approx(dip, abs=1e-6) for one in boxes)
+        assert all(one.depth == pytest.approx(dip, abs=5e-4) for one in boxes)
 
 
 def test_a_joint_that_is_too_fast(tmp_path: Path) -> None:

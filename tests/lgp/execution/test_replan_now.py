@@ -21,7 +21,9 @@ GRASP, PLACE = "grasp(1, gantry.hand, box)", "place({}, gantry.hand, box, table.
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> lgp.Plan:
-    scene = read_scene(scene_values(tmp_path_factory.mktemp("replan"), goal=["placed(box, table.b)"]))
+    values = scene_values(tmp_path_factory.mktemp("replan"), goal=["placed(box, table.b)"])
+    values["robots"]["gantry"]["joints"] = {"z": 1.3}  # above the tables, not below them
+    scene = read_scene(values)
     found = lgp.plan(scene, cost=None, depth=2)
     assert found.actions == (GRASP, PLACE.format(2))
     return found
