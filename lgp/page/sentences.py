@@ -78,8 +78,6 @@ def humanised(name: str) -> str:
         return str(table()["names"][name])
     words = [word for word in re.split(r"[/._\s-]+", name) if word]
     words = [part for word in words for part in re.sub(r"(?<=[a-z])(?=[A-Z0-9])", " ", word).split()]
-    if words[:1] == ["table"]:
-        words = [*words[1:], "table"]
     first = [word for word in words if word in table()["words"]["first"]]
     return " ".join([*first, *(word for word in words if word not in first)])
 
