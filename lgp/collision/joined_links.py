@@ -39,7 +39,7 @@ class JoinedLinks:
 
 
 _KNOWN: dict[tuple[str, bytes], JoinedLinks] = {}
-"""By agents and joint limits: the tables and objects of a world change nothing."""
+"""By agents, bodies and joint limits: the tables and objects of a world change nothing."""
 MOST_KNOWN: Final = 64
 """Agents that are remembered; the first are forgotten first."""
 
@@ -50,9 +50,11 @@ def joined_links(world: World, shapes: Sequence[CollisionShape], nearer: Nearer)
     Args:
         nearer: (pairs of shapes, configurations (n, nq)) -> near rows (m,) and the function that gives their distances.
     """
-    key = repr(world.scene.agents), np.concatenate([world.lower, world.upper]).tobytes()
+    links = [number for number, shape in enumerate(shapes) if _of_robot(world, shape)]
+    # A file of a robot may have changed since it was read, so its bodies are part of the key, not its path alone.
+    bodies = [(shapes[number].name, *(part.tolist() for part in _geometry(shapes[number]))) for number in links]
+    key = repr((world.scene.agents, bodies)), np.concatenate([world.lower, world.upper]).tobytes()
     if key not in _KNOWN:
-        links = [number for number, shape in enumerate(shapes) if _of_robot(world, shape)]
         pairs = [
             (one, other)
             for at, one in enumerate(links)
@@ -71,6 +73,10 @@ def joined_links(world: World, shapes: Sequence[CollisionShape], nearer: Nearer)
             del _KNOWN[next(iter(_KNOWN))]
         _KNOWN[key] = JoinedLinks(frozenset(joined | _jaws(shapes)), frozenset(close - joined))
     return _KNOWN[key]
+
+
+def _geometry(shape: CollisionShape) -> tuple[Array, ...]:
+    return shape.rotation, shape.position, shape.half, np.array(shape.rim)
 
 
 def _counts(
