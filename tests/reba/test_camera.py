@@ -137,7 +137,7 @@ def test_without_images_the_report_says_why(tmp_path: Path) -> None:
     for file in ("balancing_keypoints.trc", "simulated_palletising.mcap"):
         result = run("score", DATASETS / file, "--report", page, "--images", "clear")
         assert result.exit_code == 0
-        assert f"note: no pictures: {file}" in result.stderr
+        assert f"note: no pictures: {file}" in result.output
         assert f"No pictures: {file}" in page.read_text()
         assert "It contains no pictures." in page.read_text()
 
