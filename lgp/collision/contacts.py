@@ -81,23 +81,20 @@ def required_distances(
 
     Pairs that are `close` keep no margin.
     """
-    kinds = [{shapes[one].kind, shapes[other].kind} for one, other in pairs]
-    of_pair = [GRIP_MARGIN if kind == {"grip"} else -math.inf if "grip" in kind else margin for kind in kinds]
+    sides = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+    grips = np.array([shape.kind == "grip" for shape in shapes], bool)[sides]
+    only, with_grip = grips.all(axis=1), grips.any(axis=1)
+    of_pair = np.where(only, GRIP_MARGIN, np.where(with_grip, -math.inf, margin))
     if close is not None:
-        of_pair = np.where(close, np.minimum(of_pair, 0.0), of_pair).tolist()
+        of_pair = np.where(close, np.minimum(of_pair, 0.0), of_pair)
     required = np.tile(of_pair, (len(times), 1))
     agents = {hand.partition(".")[0] for shape in shapes for hand in shape.hands}
     names = [shape.hands if shape.owner in agents else shape.hands | {shape.name} for shape in shapes]
     hands = set[str]().union(*(shape.hands for shape in shapes))
     for contact in contacts:
-        both = {contact.first}, {contact.second}
-        of_hands = hands >= {contact.first, contact.second}
-        touched = [
-            number
-            for number, (one, other) in enumerate(pairs)
-            if (kinds[number] == {"grip"} if of_hands else "grip" not in kinds[number])
-            and any(first & names[one] and second & names[other] for first, second in (both, both[::-1]))
-        ]
+        one, other = (np.array([name in own for own in names], bool)[sides] for name in (contact.first, contact.second))
+        meet = one[:, 0] & other[:, 1] | one[:, 1] & other[:, 0]
+        touched = meet & (only if hands >= {contact.first, contact.second} else ~with_grip)
         required[:, touched] = np.minimum(required[:, touched], contact.required(times, margin)[:, None])
     return required
 

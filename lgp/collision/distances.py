@@ -235,11 +235,10 @@ class Collisions:
             normals[rows] = normal if ball else -normal
         rows = np.flatnonzero(boxes < 0)
         computed, result = np.empty((len(rows), 10)), coal.DistanceResult()
-        for out, row, pair in zip(computed, rows.tolist(), sides[rows].tolist(), strict=True):
-            first, second = (
-                (self.shapes[side].shape, coal.Transform3s(rotation[at, row], centre[at, row]))
-                for at, side in enumerate(pair)
-            )
+        bodies, place = [shape.shape for shape in self.shapes], coal.Transform3s
+        for out, row, (one, other) in zip(computed, rows.tolist(), sides[rows].tolist(), strict=True):
+            first = bodies[one], place(rotation[0, row], centre[0, row])
+            second = bodies[other], place(rotation[1, row], centre[1, row])
             result.clear()
             out[0] = coal.distance(*first, *second, self._request, result)
             out[1:4], out[4:7], out[7:] = result.getNearestPoint1(), result.getNearestPoint2(), result.normal

@@ -228,6 +228,25 @@ class CollisionConstraints:
             return [at]
         return [at - 1 + offset for offset in AROUND if 0 <= at - 1 + offset < self.phases.total]
 
+    def limits_of_phase(self, phase: int) -> Array:
+        """Return the distances (points, pairs) [m] that pairs keep at the points of a phase, -inf where contact is
+        free."""
+        points = self.phases.slices * POINTS_PER_SLICE
+        return self._limits[phase * points : (phase + 1) * points]
+
+    def distances_at(self, q: Array, phase: int, z: Array) -> tuple[Indices, Array]:
+        """Return the pairs (m,) that are in each other at a configuration (nq,) within a phase, with distances [m]."""
+        none = np.zeros((1, len(self.collisions.pairs)))
+        near = self._near(q[None], self.phases.switched[phase : phase + 1], z, 0.0, none)
+        return near.pairs, near.value
+
+    def keeps(self, q: Array, phase: int, z: Array, required: Array) -> Flags:
+        """Return whether configurations (n, nq) within a phase keep distances (n, pairs) [m]."""
+        near = self._near(q, np.full(len(q), self.phases.switched[phase]), z, 0.0, required)
+        kept = np.ones(len(q), dtype=bool)
+        kept[near.slices[near.value < required[near.slices, near.pairs] - MARGIN_TOLERANCE]] = False
+        return kept
+
     def deepest_penetration(self, q: Array, z: Array) -> tuple[float, str]:
         """Return the deepest penetration [m] along a path (T, nq), between slices too, with its phase and pair.
 

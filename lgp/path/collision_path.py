@@ -8,8 +8,9 @@ multi-start solves from other initial guesses, to a coarse tolerance, and return
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from lgp.path.collision_constraints import MARGIN_TOLERANCE, CollisionConstraint
 from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.sampled_motion import MOTIONS, Motion
 from lgp.sqp.merit import violation_max
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result, SolveStatus
@@ -46,8 +48,6 @@ that are added later seldom make a path cheaper, and never by that much as far a
 UNSETTLED = 1.25
 """The same for a round that did not end at a minimum, relative to one that did: its cost may still fall."""
 
-Motion = tuple[Array, Array]
-"""Path (T, nq) [rad, m] and variables (nz,)."""
 ProblemOf = Callable[[ActiveConstraints], PathProblem]
 """Active constraints -> path problem."""
 
@@ -155,8 +155,8 @@ GUESS_AMPLITUDES = (0.3, 0.5)
 GUESSES = 12
 """Initial guesses drawn: their total penetration costs little compared with solving one."""
 CANDIDATES = 4
-"""Guesses solved where a plan or a plausible path is known, and otherwise all; in turn the next of least total
-penetration and the next drawn."""
+"""Guesses solved where a plan or a plausible path is known; otherwise sampled motions follow, and all of them where
+those fail too. Drawn ones are in turn the next of least total penetration and the next drawn."""
 PLAUSIBLE_RATIO = 4.0
 """Cost of a known path, relative to the path with contacts alone, above which there is probably another way."""
 CANDIDATE_OPTIONS = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
@@ -181,6 +181,7 @@ def multi_start(
     contacts: Result,
     least: float,
     reference: Motion | None = None,
+    sampled: Callable[[], Iterable[Motion]] = tuple,
     cost_limit: float = math.inf,
 ) -> CandidatePath | None:
     """Return the cheapest candidate that costs clearly less than the known path, None without one.
@@ -193,15 +194,16 @@ def multi_start(
         contacts: result of `solve_contacts`.
         least: cost of the known path, inf without one.
         reference: motion of the same actions under another cost.
+        sampled: gives motions that are collision-free, see `lgp.path.sampled_motion`.
         cost_limit: cost that is too much; a candidate is stopped there.
     """
     path, variables = problem.split(contacts.x)
     begin = replace(contacts, y_in=contacts.y_in[: problem.constraints.always])
     best: CandidatePath | None = None
     dear: CandidatePath | None = None
-    for number, guess in enumerate(candidate_guesses(problem, path, variables, reference)):
+    for number, guess in enumerate(candidate_guesses(problem, path, variables, reference, sampled)):
         known = math.isfinite(cost_limit) or least <= PLAUSIBLE_RATIO * contacts.cost
-        if number >= (CANDIDATES if known else GUESSES):
+        if number >= CANDIDATES and (known or (best is not None and number >= CANDIDATES + MOTIONS)):
             break
         constraints = active_of()
         improved = IMPROVEMENT * least
@@ -232,12 +234,17 @@ def multi_start(
 
 
 def candidate_guesses(
-    problem: PathProblem, path: Array, variables: Array, reference: Motion | None = None
+    problem: PathProblem,
+    path: Array,
+    variables: Array,
+    reference: Motion | None = None,
+    sampled: Callable[[], Iterable[Motion]] = tuple,
 ) -> Iterator[Motion]:
     """Yield the initial guesses of the candidates.
 
     First the path with the robot joints of the reference, if there is one, and the reference, which keeps all
-    constraints; then, in turn, the next of least total penetration and the next drawn.
+    constraints; then, in turn, the next of least total penetration and the next drawn. After `CANDIDATES` of these come
+    the sampled motions, which take long, are expensive at first, and are collision-free.
     """
     world = problem.world
     if reference is not None:
@@ -251,7 +258,10 @@ def candidate_guesses(
     depths = [constraints.total_penetration(guess, variables) for guess in guesses]
     by_depth = np.argsort(depths, kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
-    yield from ((guesses[number], variables) for number in order)
+    drawn = ((guesses[number], variables) for number in order)
+    yield from islice(drawn, CANDIDATES)
+    yield from sampled()
+    yield from drawn
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:

@@ -26,7 +26,7 @@ from lgp.scene.model import Hand, SceneObject, Table
 from lgp.sqp.backends import Piqp
 from lgp.sqp.merit import violation_max
 from lgp.sqp.qp import QP, QPStatus
-from reba.arrays import Array, Indices
+from reba.arrays import Array, Flags, Indices
 
 CLOSE = 1e-4
 """[m, rad] Violation that counts as met; the solver removes the rest."""
@@ -36,25 +36,37 @@ PROGRESS = 0.8
 """Share of the violation; a round that leaves more is the last."""
 
 
-def project_to_feasible(problem: PathProblem, start: Array, tolerance: float = CLOSE) -> tuple[Array, float]:
-    """Return the projection x (n,) of a start to the constraints, and its largest violation [m, rad]."""
+def project_to_feasible(
+    problem: PathProblem, start: Array, tolerance: float = CLOSE, free: Flags | None = None
+) -> tuple[Array, float]:
+    """Return the projection x (n,) of a start to the constraints, and its largest violation [m, rad].
 
-    def residuals(x: Array, which: Indices) -> tuple[Array, Array]:
-        at = problem.split(x[0])
+    Args:
+        free: (n,) the unknowns that may change, all by default.
+    """
+    some = np.ones(problem.n, dtype=bool) if free is None else free
+
+    def whole(part: Array) -> Array:
+        x = start.copy()
+        x[some] = part
+        return x
+
+    def residuals(part: Array, which: Indices) -> tuple[Array, Array]:
+        at = problem.split(whole(part[0]))
         values = problem.constraints.evaluate(*at)
         equal, limits = problem.constraints.jacobians(values, *at)
         violated = values.inequality > 0.0
         gradients = np.where(violated[:, None], limits.toarray(), 0.0)
         value = np.concatenate([values.equality, np.where(violated, values.inequality, 0.0)])
-        return value[None], np.concatenate([equal.toarray(), gradients])[None]
+        return value[None], np.concatenate([equal.toarray(), gradients])[None, :, some]
 
-    x, before = start[None], np.inf
+    part, before = start[None, some], np.inf
     for _ in range(ROUNDS):
-        x, violation = least_squares(residuals, x, problem.lower, problem.upper, tolerance, STEPS)
+        part, violation = least_squares(residuals, part, problem.lower[some], problem.upper[some], tolerance, STEPS)
         if violation[0] <= tolerance or violation[0] > PROGRESS * before:
             break
         before = float(violation[0])
-    return x[0], float(violation[0])
+    return whole(part[0]), float(violation[0])
 
 
 NEWTON_STEPS = 8

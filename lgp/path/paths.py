@@ -9,8 +9,9 @@ constraints, or in longer phases. A path is accepted once its constraints hold w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
 from lgp.path.leg_reach import LegConstraints
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.sampled_motion import Motion, sampled_motions
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -190,6 +192,7 @@ class PathSolver:
             contacts,
             _cost(nearest),
             reference,
+            lambda: self._sampled(phases),
             limit,
         )
         if candidate is None:
@@ -201,6 +204,14 @@ class PathSolver:
             free.starts,
         )
         return min(nearest, cheaper, key=_cost)
+
+    def _sampled(self, phases: Phases) -> Iterator[Motion]:
+        """Return motions by sampling; none where a pose that ignores bodies is hard to find already."""
+        keyframes = self.keyframes
+        constraints = self.collision_constraints(phases)
+        return sampled_motions(
+            phases, keyframes.initial_configuration, partial(keyframes.problem, "sequence"), constraints
+        )
 
     def _given_up(self, problem: PathProblem, result: Result) -> Answer:
         """Return what is known of a path that costs more than one that is known: that it does."""
