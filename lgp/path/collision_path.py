@@ -41,7 +41,8 @@ MAX_STEP = 0.3
 """[rad, m] Largest change of an unknown per iteration: distances are too curved for longer steps."""
 COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
-
+STUCK, STUCK_ROUNDS = (SolveStatus.INFEASIBLE, SolveStatus.STALLED), 2
+"""Rounds in turn that end so, with a larger violation: more constraints get no path out of there."""
 DEARER = 1.01
 """Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints
 that are added later seldom make a path cheaper, and never by that much as far as is known."""
@@ -76,7 +77,7 @@ def solve_constrained(
         coarse: whether constraints that the last round violates, and that were not active in it, are left out.
     """
     problem, result = problem_of(constraints), first
-    final = solved
+    final, stuck = solved, 0
     for number in range(rounds):
         violated = constraints.add_violated(*problem.split(result.x))
         if not violated and final:
@@ -92,7 +93,8 @@ def solve_constrained(
             iterations=min(FINAL_ITERATIONS, chosen.iterations),
         )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
-        if exceeds(result, cost_limit, unsettled):
+        stuck = stuck + 1 if result.status in STUCK and result.violation > COMPARABLE_VIOLATION else 0
+        if stuck == STUCK_ROUNDS or exceeds(result, cost_limit, unsettled):
             break
         # At a stationary point of the violation a solve to the final tolerance would not reduce it either.
         final = final or result.status is SolveStatus.INFEASIBLE

@@ -375,4 +375,7 @@ def _check_names(scene: Scene) -> None:
                 )
             if word and word not in known:
                 hint = did_you_mean(word, known) or f"; known are {', '.join(known)}"
+                agent, _, hand = word.partition(".")
+                if hand and agent in scene.robots and not any(one.agent == agent for one in scene.hands.values()):
+                    hint = f"; {agent} has no hands: add hands.{hand} = {{ frame = ... }} to [robots.{agent}]"
                 raise SceneError(f"{scene.name}: {text!r} contains unknown {word!r}{hint}")

@@ -48,8 +48,8 @@ class ReducedQP:
         self._hessian: tuple[Indices, Array, Array] = (np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
         self._limits = self._hessian
 
-    def solve(self, qp: QP, warm: QPResult | None, solve: Solve) -> QPResult:
-        """Return the solution of a QP; the whole is solved where a part has none, but for inconsistent rows."""
+    def solve(self, qp: QP, warm: QPResult | None, solve: Solve, *, whole: bool = True) -> QPResult:
+        """Return the solution of a QP; the `whole` is solved where a part has none, but for inconsistent rows."""
         if qp.h.size <= FEW:
             return solve(qp, warm)
         self._start(qp, warm)
@@ -58,7 +58,7 @@ class ReducedQP:
             kept = np.flatnonzero(self._rows)
             result = solve(self._part(qp, kept), None if warm is None else replace(warm, z=warm.z[kept]))
             iterations += result.iterations
-            if result.status is QPStatus.INFEASIBLE:
+            if result.status is QPStatus.INFEASIBLE or (result.status is QPStatus.FAILED and not whole):
                 return QPResult.unsolved(qp, result.status, iterations, result.solver)
             if result.status is not QPStatus.SOLVED:
                 break

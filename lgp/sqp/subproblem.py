@@ -24,6 +24,8 @@ DAMPINGS = 12
 """Dampings tried on an unbounded QP, each ten times the last; a failed one is damped once."""
 PENALTIES = 5
 """Elastic penalty parameters tried, each ten times the last, before the rows count as inconsistent."""
+ELASTIC_FAILURES = 2
+"""Elastic QPs without a solution, one after another, at which to stop."""
 MIN_PROGRESS = 0.9
 """Share of the linearised violation; an elastic step that leaves at most this is accepted."""
 CONSISTENT = 1e-3
@@ -138,10 +140,14 @@ class SubproblemSolver:
         def elastic(part: QP, _: QPResult | None) -> QPResult:
             return self.elastic.solve(part, penalty)
 
+        failures = 0
         for _ in range(PENALTIES):
-            result = self.reduced.solve(qp, None, elastic)
+            result = self.reduced.solve(qp, None, elastic, whole=False)
             self._penalty, penalty = penalty, 10.0 * penalty
             if result.status is not QPStatus.SOLVED:
+                failures += 1
+                if best is not None or failures == ELASTIC_FAILURES:
+                    break  # a higher penalty is harder still
                 continue
             after = violation_sum(model.eq + model.eq_jac @ result.x, model.ineq + model.in_jac @ result.x)
             stationary_infeasible = after > (1.0 - 1e-4) * before

@@ -147,3 +147,11 @@ def test_changes_touch_only_keys_of_the_file() -> None:
     with pytest.raises(SceneError) as error:
         load_scene("screwdriver").with_heights({"left": 9.0})
     says(error, "height of table.left is 9 m")
+
+
+def test_a_robot_without_hands_that_is_to_act_is_told_how_to_get_one() -> None:
+    values = _with("robots", {"arm": {"model": "ur_description/urdf/ur5_robot.urdf", "position": [1.0, 0.0, 0.6]}})
+    values["initial"] = [*values["initial"], "free(arm.tool)"]
+    with pytest.raises(SceneError) as error:
+        read_scene(values)
+    says(error, "'free(arm.tool)' contains unknown 'arm.tool'", "arm has no hands: add hands.tool = { frame = ... }")
