@@ -21,7 +21,7 @@ from lgp.files import ASSETS, PAGE, PAGE_FILES, PICTURE_FILES, PICTURES
 from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
-from lgp.page.sentences import Instruction, humanised, instructions, person_in_words
+from lgp.page.sentences import Instruction, instructions, person_in_words
 from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
@@ -129,7 +129,7 @@ def _facts(plan: Plan, animation: SceneAnimation, lines: tuple[Instruction, ...]
 def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str) -> str:
     total = float(plan.time[-1])
     return template("lgp.page", "template/index.html").render(
-        title=humanised(plan.scene.name).capitalize(),
+        title=plan.scene.name.replace("_", " ").capitalize(),
         lines=lines,
         labels=plan.actions,
         lead=_lead(plan.scene, len(lines)),

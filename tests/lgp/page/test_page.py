@@ -51,6 +51,13 @@ def test_the_ribbon_holds_every_true_score(plan: lgp.Plan) -> None:
 
 
 @needs_page
+def test_the_title_has_the_words_of_the_file_in_their_order(plan: lgp.Plan, tmp_path: Path) -> None:
+    scene = replace(plan.scene, name="shelf_to_top_left")
+    text = write_page(replace(plan, scene=scene), tmp_path).read_text()
+    assert "<title>Shelf to top left</title>" in text
+
+
+@needs_page
 def test_the_same_plan_gives_the_same_files(plan: lgp.Plan, page: Path, tmp_path: Path) -> None:
     again = write_page(plan, tmp_path).parent
     files = {file.relative_to(page): file.read_bytes() for file in sorted(page.rglob("*")) if file.is_file()}
