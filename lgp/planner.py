@@ -215,7 +215,7 @@ def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
     steps += [(level, skeleton) for level in bounds.levels[1:]]
     result = BoundResult(True, 0.0)
     for level, actions in steps if skeleton else ():
-        result = bounds.solve(level, actions, result)
+        result = bounds.solve(level, actions, result, thorough=True)
         solved[level] = solved[level].plus(result, result.seconds)
         if not result.feasible:
             break

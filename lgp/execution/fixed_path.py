@@ -67,17 +67,23 @@ class FixedPathSolver(PathSolver):
             self.options, decrease=max(self.options.decrease, DECREASE), kkt=max(self.options.kkt, DECREASE)
         )
 
-    def solve_collision_free(self, phases: Phases, earlier: Solution | None, limit: float = math.inf) -> Answer:
+    def solve_collision_free(
+        self, phases: Phases, earlier: Solution | None, limit: float = math.inf, *, thorough: bool = True
+    ) -> Answer:
         """Return the collision-free path from the planned motion, or from the free path where that gives none.
 
         A planned motion is used only where `earlier` is the free path, not where it is a sequence.
         """
         planned = self.planned_motions.get(phases.actions)
         if planned is None or earlier is None or earlier.path is None:
-            return super().solve_collision_free(phases, earlier, limit)
+            return super().solve_collision_free(phases, earlier, limit, thorough=thorough)
         in_collision = self.collision_constraints(phases).add_violated(earlier.path, earlier.variables) > 0
         solution = self._adapted(phases, *planned)[0] if in_collision else None
-        return super().solve_collision_free(phases, earlier, limit) if solution is None else (solution, "")
+        return (
+            super().solve_collision_free(phases, earlier, limit, thorough=thorough)
+            if solution is None
+            else (solution, "")
+        )
 
     def _adapted(self, phases: Phases, planned: Array, variables: Array) -> Answer:
         """Return the collision-free path from a planned one (1 + T, nq), moved to the initial configuration."""

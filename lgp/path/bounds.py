@@ -149,15 +149,25 @@ class PathBounds:
             active=active,
         )
 
-    def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf) -> BoundResult:
+    def solve(
+        self,
+        level: str,
+        skeleton: Skeleton,
+        warm: BoundResult | None,
+        limit: float = math.inf,
+        *,
+        thorough: bool = False,
+    ) -> BoundResult:
         """Return the result of a level for a sequence; a stored one does not depend on the warm start it had.
 
-        A collision-free path is given up where it turns out to cost `limit` or more, see `PathSolver`.
+        A collision-free path is given up where it turns out to cost `limit` or more, and where none is found from the
+        first guess the others are left until it is asked for again with `thorough`, see `PathSolver`.
         """
         stored = self._results.get((level, skeleton))
-        if stored is not None and (not stored.given_up or stored.cost >= limit):
+        again = stored is not None and (stored.postponed if thorough else stored.given_up and stored.cost < limit)
+        if stored is not None and not again:
             return replace(stored, known=True, seconds=0.0)
-        result = self._results[level, skeleton] = self._result(level, skeleton, warm, limit)
+        result = self._results[level, skeleton] = self._result(level, skeleton, warm, limit, thorough)
         return result
 
     def solution(self, level: str, skeleton: Skeleton) -> Solution | None:
@@ -182,7 +192,9 @@ class PathBounds:
         """Drop results of sequences and paths; the next search starts each from the best motion of its actions."""
         self._results = {key: result for key, result in self._results.items() if key[0] == "pose"}
 
-    def _result(self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float) -> BoundResult:
+    def _result(
+        self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float, thorough: bool
+    ) -> BoundResult:
         begin = time.perf_counter()
         phases = self.phases(skeleton, self._first_durations(skeleton, warm))
         earlier = warm.payload if warm is not None and isinstance(warm.payload, Solution) else None
@@ -191,13 +203,14 @@ class PathBounds:
             PREFIX: self._solve_switches(PREFIX),
             "sequence": self._solve_switches("sequence"),
             "free_path": self.paths.solve_free,
-            "path": self._solve_collision_free(limit) if self.collisions else self.paths.solve_free,
+            "path": self._solve_collision_free(limit, thorough) if self.collisions else self.paths.solve_free,
         }
         solution, reason = by_level[level](phases, earlier)
         seconds = time.perf_counter() - begin
         if solution is None:
             conflict = infeasible_actions(skeleton) if level == "pose" else ()
-            return BoundResult(False, math.inf, reason, conflict, seconds)
+            postponed = level == "path" and self.paths.has_guesses_left(skeleton)
+            return BoundResult(False, math.inf, reason, conflict, seconds, postponed=postponed)
         if solution.given_up:
             return BoundResult(True, solution.costs.total, seconds=seconds, given_up=True)
         if self.free_durations and level != "pose":
@@ -240,10 +253,10 @@ class PathBounds:
             lambda phases, solution: self.paths.solve_again(phases, solution, collision_free=collision_free),
         )
 
-    def _solve_collision_free(self, limit: float) -> Callable[[Phases, Solution | None], Answer]:
+    def _solve_collision_free(self, limit: float, thorough: bool) -> Callable[[Phases, Solution | None], Answer]:
         """Return the solver of the last level; what a path costs with other durations is not known before."""
         given = limit if self.world.scene.durations == "fixed" else math.inf
-        return lambda phases, earlier: self.paths.solve_collision_free(phases, earlier, given)
+        return lambda phases, earlier: self.paths.solve_collision_free(phases, earlier, given, thorough=thorough)
 
     def _solve_switches(self, level: str) -> Callable[[Phases, Solution | None], Answer]:
         """Return the solver of a level with all switches, which goes on from the sequence before its last action."""

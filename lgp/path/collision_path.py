@@ -181,9 +181,8 @@ def multi_start(
     active_of: Callable[[], ActiveConstraints],
     problem: PathProblem,
     contacts: Result,
+    guesses: Iterator[Motion],
     least: float,
-    reference: Motion | None = None,
-    sampled: Callable[[], Iterable[Motion]] = tuple,
     cost_limit: float = math.inf,
 ) -> CandidatePath | None:
     """Return the cheapest candidate that costs clearly less than the known path, None without one.
@@ -194,19 +193,14 @@ def multi_start(
         active_of: makes the constraints of a candidate, none active yet.
         problem: the one without collision constraints.
         contacts: result of `solve_contacts`.
+        guesses: `candidate_guesses`, from which as many are taken as are solved.
         least: cost of the known path, inf without one.
-        reference: motion of the same actions under another cost.
-        sampled: gives motions that are collision-free, see `lgp.path.sampled_motion`.
         cost_limit: cost that is too much; a candidate is stopped there.
     """
-    path, variables = problem.split(contacts.x)
     begin = replace(contacts, y_in=contacts.y_in[: problem.constraints.always])
     best: CandidatePath | None = None
     dear: CandidatePath | None = None
-    for number, guess in enumerate(candidate_guesses(problem, path, variables, reference, sampled)):
-        known = math.isfinite(cost_limit) or least <= PLAUSIBLE_RATIO * contacts.cost
-        if number >= CANDIDATES and (known or (best is not None and number >= CANDIDATES + MOTIONS)):
-            break
+    for number, guess in enumerate(guesses, start=1):
         constraints = active_of()
         improved = IMPROVEMENT * least
         limit = min(improved, cost_limit)
@@ -224,13 +218,14 @@ def multi_start(
             ),
         )
         cost = candidate.result.cost
-        if candidate.result.violation <= CLOSE and cost < limit:
-            best, least = candidate, cost
-        elif cost < improved and exceeds(candidate.result, cost_limit):
-            dear, least = candidate, cost
-        else:
-            continue
-        if cost <= GOOD_RATIO * contacts.cost:
+        better = candidate.result.violation <= CLOSE and cost < limit
+        too_dear = not better and cost < improved and exceeds(candidate.result, cost_limit)
+        if better or too_dear:
+            best, dear, least = (candidate, dear, cost) if better else (best, candidate, cost)
+            if cost <= GOOD_RATIO * contacts.cost:
+                break
+        known = math.isfinite(cost_limit) or least <= PLAUSIBLE_RATIO * contacts.cost
+        if number >= CANDIDATES and (known or (best is not None and number >= CANDIDATES + MOTIONS)):
             break
     return best or dear
 
@@ -247,7 +242,18 @@ def candidate_guesses(
     First the path with the robot joints of the reference, if there is one, and the reference, which keeps all
     constraints; then, in turn, the next of least total penetration and the next drawn. After `CANDIDATES` of these come
     the sampled motions, which take long, are expensive at first, and are collision-free.
+
+    Args:
+        reference: motion of the same actions under another cost.
+        sampled: gives motions that are collision-free, see `lgp.path.sampled_motion`.
     """
+    nearby = _nearby_guesses(problem, path, variables, reference)
+    yield from islice(nearby, CANDIDATES)
+    yield from sampled()
+    yield from nearby
+
+
+def _nearby_guesses(problem: PathProblem, path: Array, variables: Array, reference: Motion | None) -> Iterator[Motion]:
     world = problem.world
     if reference is not None:
         robots = [column for name in world.scene.robots for column in world.columns(name)]
@@ -260,10 +266,7 @@ def candidate_guesses(
     depths = [constraints.total_penetration(guess, variables) for guess in guesses]
     by_depth = np.argsort(depths, kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
-    drawn = ((guesses[number], variables) for number in order)
-    yield from islice(drawn, CANDIDATES)
-    yield from sampled()
-    yield from drawn
+    yield from ((guesses[number], variables) for number in order)
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:

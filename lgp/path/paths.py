@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from lgp.path.collision_path import (
     MULTI_START_RATIO,
     UNSETTLED,
     ProblemOf,
+    candidate_guesses,
     collision_options,
     exceeds,
     multi_start,
@@ -37,6 +38,7 @@ from lgp.path.leg_reach import LegConstraints
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.path.sampled_motion import Motion, sampled_motions
+from lgp.search.records import Skeleton
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -54,6 +56,23 @@ DURATION_FACTORS = (1.0, 1.2, 1.5)
 """Durations that are tried in turn, in multiples of what the path that is too fast needs: contacts need time too."""
 DIGITS = 13
 """Decimals of a path [rad, m]."""
+
+
+@dataclass(frozen=True)
+class _Guesses:
+    """Other initial guesses of a path.
+
+    Attributes:
+        left: those that are not solved.
+        contacts: result of `solve_contacts`.
+        nearest: the path known without them.
+        starts: of the free path.
+    """
+
+    left: Iterator[Motion]
+    contacts: Result
+    nearest: Answer
+    starts: tuple[int, int]
 
 
 class PathSolver:
@@ -84,6 +103,7 @@ class PathSolver:
         self.limits_speeds = keyframes.world.scene.durations == "fixed"
         self.extends_phases = keyframes.world.scene.durations == "stretched"
         self.tolerance = options.violation
+        self._left: dict[Skeleton, _Guesses] = {}
         final = options if keyframes.stages == 1 else FINAL_OPTIONS
         self.options = collision_options(final) if collisions else final
 
@@ -141,10 +161,13 @@ class PathSolver:
             return None, "path: the ergonomic cost has no stage; expected 1 or more"
         return self.accept(problem, result, starts)
 
-    def solve_collision_free(self, phases: Phases, earlier: Solution | None, limit: float = math.inf) -> Answer:
+    def solve_collision_free(
+        self, phases: Phases, earlier: Solution | None, limit: float = math.inf, *, thorough: bool = True
+    ) -> Answer:
         """Return the collision-free path that starts from the free path, or a cheaper one from another guess.
 
-        One that turns out to cost `limit` or more is given up: its solution says what it costs at least.
+        One that turns out to cost `limit` or more is given up: its solution says what it costs at least. Without
+        `thorough` other guesses are left where the first one leads to no path; the next call goes on with them.
         """
         free, reason = (
             (earlier, "") if earlier is not None and earlier.path is not None else self.free_path(phases, earlier)
@@ -153,17 +176,23 @@ class PathSolver:
             return None, reason
         if free.durations:
             phases = replace(phases, durations=free.durations)
-        nearest, reason = self._cheapest_collision_free(phases, free, limit)
+        nearest, reason = self._cheapest_collision_free(phases, free, limit, thorough)
         if nearest is not None and nearest.given_up:
             return nearest, ""
         if nearest is not None:
             nearest = replace(nearest, durations=free.durations)
         return self._slow_enough(phases, (nearest, reason), collision_free=True)
 
-    def _cheapest_collision_free(self, phases: Phases, free: Solution, limit: float) -> Answer:
+    def has_guesses_left(self, actions: Skeleton) -> bool:
+        """Return whether no path of a sequence was found from the first guess, and the others are left."""
+        return actions in self._left
+
+    def _cheapest_collision_free(self, phases: Phases, free: Solution, limit: float, thorough: bool) -> Answer:
         problem_of = self.problem_of(phases)
         constraints = self.active(phases)
         limit = DEARER * (limit - (free.costs.total - free.costs.motion))
+        if phases.actions in self._left:
+            return self._from_guesses(phases, self._left.pop(phases.actions), limit)
         problem, contacts = solve_contacts(problem_of, constraints, free.result, cost_limit=limit)
         if exceeds(contacts, limit, UNSETTLED):
             return self._given_up(problem, contacts)
@@ -185,25 +214,36 @@ class PathSolver:
             return nearest
         other = self.keyframes.reference("path", phases.actions)
         reference = None if other is None or other.path is None else (other.path, other.variables)
+        problem = self.keyframes.problem("path", phases)
+        known = problem.split(contacts.x)
+        guesses = candidate_guesses(problem, *known, reference, lambda: self._sampled(phases))
+        given = _Guesses(guesses, contacts, nearest, free.starts)
+        if nearest[0] is None and not thorough:
+            self._left[phases.actions] = given
+            return nearest
+        return self._from_guesses(phases, given, limit)
+
+    def _from_guesses(self, phases: Phases, given: _Guesses, limit: float) -> Answer:
+        """Return the cheaper of the known path and one from other guesses."""
+        problem_of = self.problem_of(phases)
         candidate = multi_start(
             problem_of,
             lambda: self.active(phases),
             self.keyframes.problem("path", phases),
-            contacts,
-            _cost(nearest),
-            reference,
-            lambda: self._sampled(phases),
+            given.contacts,
+            given.left,
+            _cost(given.nearest),
             limit,
         )
         if candidate is None:
-            return nearest
+            return given.nearest
         if exceeds(candidate.result, limit):
-            return min(nearest, self._given_up(candidate.problem, candidate.result), key=_cost)
+            return min(given.nearest, self._given_up(candidate.problem, candidate.result), key=_cost)
         cheaper = self.accept(
             *solve_constrained(problem_of, candidate.constraints, candidate.result, self.options, solved=False),
-            free.starts,
+            given.starts,
         )
-        return min(nearest, cheaper, key=_cost)
+        return min(given.nearest, cheaper, key=_cost)
 
     def _sampled(self, phases: Phases) -> Iterator[Motion]:
         """Return motions by sampling; none where a pose that ignores bodies is hard to find already."""

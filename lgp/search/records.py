@@ -27,6 +27,7 @@ class BoundResult:
         estimate: what a path through what is known by now may cost, no bound; `cost` where it is None.
         attained: cost of the point that was found, which the optimum does not exceed; `cost` where it is None.
         given_up: whether its solver stopped once it had seen that the cost is `cost` or more, and no solution is known.
+        postponed: whether no solution was found yet, and the solver has more to try.
     """
 
     feasible: bool
@@ -39,6 +40,7 @@ class BoundResult:
     estimate: float | None = None
     attained: float | None = None
     given_up: bool = False
+    postponed: bool = False
 
 
 class Bounds(Protocol):
@@ -55,7 +57,8 @@ class Bounds(Protocol):
     def solve(self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf) -> BoundResult:
         """Return the result of a level for a sequence; `warm` is that of the level before.
 
-        A solver may give up a problem of the last level once it sees that it costs `limit` or more.
+        A solver may give up a problem of the last level once it sees that it costs `limit` or more. One that has more
+        to try, at length, postpones that until it is asked again with `thorough`, which not every solver has to know.
         """
 
     def is_lower_bound(self, level: str) -> bool:
@@ -157,9 +160,13 @@ class LevelStatistics:
     known: int = 0
 
     def plus(self, result: BoundResult, seconds: float) -> LevelStatistics:
-        """Return the statistics with one more problem."""
+        """Return the statistics with one more problem; one that is postponed is counted when it is solved."""
+        done = not result.postponed
         return LevelStatistics(
-            self.solved + 1, self.infeasible + (not result.feasible), self.seconds + seconds, self.known + result.known
+            self.solved + done,
+            self.infeasible + (done and not result.feasible),
+            self.seconds + seconds,
+            self.known + (done and result.known),
         )
 
 

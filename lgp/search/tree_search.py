@@ -61,6 +61,7 @@ class _Search:
         levels = [*bounds.levels, *([bounds.prefix_level] if bounds.prefix_level else [])]
         self.statistics = {level: LevelStatistics() for level in levels}
         self.conflicts: dict[Skeleton, str] = {}
+        self.postponed: list[Node] = []
         self.incumbent: Node | None = None
         self.expanded = self.pruned = self.steps = 0
         self.blocked = False
@@ -76,7 +77,7 @@ class _Search:
             return self._finish()
         self._extend(self.nodes[0])
         try:
-            while self.open or self._reopen():
+            while self.open or self._reopen() or self.postponed:
                 if time.perf_counter() - self.start > self.budget.seconds:
                     self.blocked = True
                     break
@@ -106,7 +107,12 @@ class _Search:
         return self._result(SearchStatus.INFEASIBLE, math.inf, reason)
 
     def _step(self) -> None:
-        """Take one node further."""
+        """Take one node further; those whose solver has more to try come last."""
+        if not self.open:
+            left = self.postponed.pop(0)
+            if self._still_open(left):
+                self._advance(left, thorough=True)
+            return
         if self.incumbent is None:
             by_estimate = self.expanded <= PATIENCE
             node = self.open.pop_by_estimate() if by_estimate else None
@@ -187,13 +193,14 @@ class _Search:
     def _open_bound(self) -> float:
         """Return the lowest bound of all sequences that were not excluded."""
         skipped = (node for node in self.nodes if node.verdict == "over budget")
-        return min([self._best_cost(), *map(self._bound, self.open), *map(self._bound, skipped)])
+        left = (*self.open, *self.postponed, *skipped)
+        return min([self._best_cost(), *map(self._bound, left)])
 
     def _best_cost(self) -> float:
         """Return the cost of the incumbent, inf without one."""
         return math.inf if self.incumbent is None else self.incumbent.costs[self.bounds.levels[-1]]
 
-    def _advance(self, node: Node) -> None:
+    def _advance(self, node: Node, *, thorough: bool = False) -> None:
         """Extend a node, or solve its next level."""
         conflict = self._conflict_in(node.skeleton)
         if conflict is not None:
@@ -206,7 +213,10 @@ class _Search:
         if self.statistics[name].solved >= self.budget.calls.get(name, math.inf):
             self.blocked, node.verdict, node.reason = True, "over budget", f"no {name} problem left"
             return
-        result = self._solve(name, node)
+        result = self._solve(name, node, thorough=thorough)
+        if result.postponed:
+            self.postponed.append(node)
+            return
         if not result.feasible:
             self._close(node, name, result)
             return
@@ -237,10 +247,11 @@ class _Search:
         if result.conflict:
             self.conflicts[result.conflict] = node.reason
 
-    def _solve(self, name: str, node: Node) -> BoundResult:
+    def _solve(self, name: str, node: Node, *, thorough: bool = False) -> BoundResult:
         start = time.perf_counter()
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
-        result = self.bounds.solve(name, node.skeleton, parent, self._best_cost())
+        more = {"thorough": True} if thorough else {}
+        result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
         self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)
         return result
 

@@ -81,7 +81,11 @@ def test_a_path_that_costs_more_than_a_known_one_is_given_up(blocked: tuple[Path
     assert limit <= result.cost <= found.cost * 1.1
     # What is given up at one limit is no answer for a higher one.
     assert other.solve("path", found.skeleton, before, limit).known
-    whole = other.solve("path", found.skeleton, before, 2.0 * found.cost)
+    first = other.solve("path", found.skeleton, before, 2.0 * found.cost)
+    assert first.postponed, "the first guess leads to no path here"
+    assert not first.known
+    assert other.solve("path", found.skeleton, before, 2.0 * found.cost).known
+    whole = other.solve("path", found.skeleton, before, 2.0 * found.cost, thorough=True)
     assert not whole.known
     assert whole.cost == pytest.approx(found.cost, rel=1e-6)
 

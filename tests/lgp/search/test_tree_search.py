@@ -323,3 +323,37 @@ def test_paths_that_are_given_up_change_no_plan(seed: int) -> None:
     for node in dear:
         assert node.verdict == "pruned"
         assert "or more, the best path" in node.reason
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.booleans())
+def test_what_a_solver_postpones_comes_last_and_changes_no_plan(seed: int, every: bool) -> None:
+    """Paths that take long to find are looked for once all others are known."""
+
+    class Postpones(RandomBounds):
+        def solve(
+            self,
+            level: str,
+            skeleton: Skeleton,
+            warm: BoundResult | None,
+            limit: float = math.inf,
+            *,
+            thorough: bool = False,
+        ) -> BoundResult:
+            result = super().solve(level, skeleton, warm)
+            hard = level == "path" and (every or self._draw("hard", *map(str, skeleton)).random() < 0.5)
+            return BoundResult(False, math.inf, "not known yet", postponed=True) if hard and not thorough else result
+
+    bounds = Postpones(seed, 0.2)
+    result, whole = search(task(), bounds, Budget(depth=5)), search(task(), RandomBounds(seed, 0.2), Budget(depth=5))
+    assert (result.skeleton, result.cost, result.bound, result.status) == (
+        whole.skeleton,
+        whole.cost,
+        whole.bound,
+        whole.status,
+    )
+    paths = [skeleton for level, skeleton in bounds.calls if level == "path"]
+    first_again = next((at for at, skeleton in enumerate(paths) if skeleton in paths[:at]), len(paths))
+    assert len(set(paths[first_again:])) == len(paths[first_again:])
+    stopped = search(task(), Postpones(seed, 0.2), Budget(depth=5, calls={"path": 1}))
+    assert stopped.bound <= whole.cost
