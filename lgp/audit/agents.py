@@ -49,6 +49,13 @@ class AgentModel:
     file: RobotFile | None = None
     frames: Mapping[str, Frame] = field(default_factory=dict)
 
+    def ground(self, frames: tuple[Array, Array]) -> tuple[Array, Array] | None:
+        """Return where a person who may step stands, of all frames (n + 1, T, ...) of joints; None for others."""
+        if not isinstance(self.agent, Human) or self.agent.step is None:
+            return None
+        at = 1 + [joint.name for joint in self.joints].index(self.agent.ground)
+        return frames[0][at], frames[1][at]
+
     def chain(self, number: int) -> list[int]:
         """Return the frames from one to the base, both included."""
         return chain_of(self.joints, number)
@@ -58,10 +65,10 @@ def person_model(person: Human) -> AgentModel:
     """Return the person: joints and capsules of the table of the human body."""
     tree: list[TreeJoint] = []
     number = {"": BASE}
-    for joint in human.joints(person.stature, person.sex):
+    for joint in human.joints(person.stature, person.sex, person.step):
         axes = human.ISB if joint.parent == human.PELVIS else np.eye(3)  # the pelvis moves in the axes of the world
         at = Frame(number[joint.parent], axes, axes @ joint.position)
-        speed = speed_limit(joint.name)
+        speed = speed_limit(joint.name, person)
         name = f"{person.name}.{joint.name}"
         tree.append(TreeJoint(name, at, joint.axis, joint.prismatic, joint.lower, joint.upper, speed))
         number[joint.name] = len(tree)

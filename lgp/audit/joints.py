@@ -8,11 +8,12 @@ from typing import Final
 import numpy as np
 
 from lgp.audit.agents import AgentModel
-from lgp.audit.faults import TOUCHING, Extreme, Fault
+from lgp.audit.faults import LEVEL, TOUCHING, Extreme, Fault
 from lgp.audit.joint_tree import attached, place, values_of
-from lgp.audit.samples import Samples
+from lgp.audit.samples import PER_SLICE, Samples
 from lgp.kinematics.leg_ik import solve_legs
 from lgp.scene.joint_units import unit_of
+from lgp.scene.mobile_base import standing_from
 from lgp.scene.model import Human
 
 SLACK: Final = 1e-4
@@ -73,6 +74,8 @@ def feet_leave(samples: Samples) -> Iterator[Fault]:
             continue
         if person.legs == "solved":
             yield from _short_legs(samples, model, person)
+        if person.step is not None:
+            yield from _late_steps(samples, person)
         standing = place(
             model.joints, model.rotation, model.position, {joint.name: np.zeros(1) for joint in model.joints}, 1
         )
@@ -82,6 +85,24 @@ def feet_leave(samples: Samples) -> Iterator[Fault]:
             if moved[at] > TOUCHING:
                 what = f"{person.name}.{name} is {1000 * moved[at]:.1f} mm from where it stands"
                 yield Fault("feet", what, float(moved[at]), float(samples.times[at]))
+
+
+def _late_steps(samples: Samples, person: Human) -> Iterator[Fault]:
+    """Yield steps in the part of a phase in which a person has to stand, from then until the action."""
+    phase = samples.plan.phase
+    for part, most in (("x", TOUCHING), ("y", TOUCHING), ("yaw", np.radians(LEVEL))):
+        values = samples.moved.get(f"{person.name}.base_{part}")
+        if values is None:
+            continue
+        for number in np.unique(phase):
+            slices = np.flatnonzero(phase == number)
+            first, last = (PER_SLICE * (int(slices[at]) + 1) for at in (standing_from(len(slices)), -1))
+            moved = np.abs(values[first : last + 1] - values[last])
+            at = int(moved.argmax())
+            if moved[at] > most:
+                unit = unit_of(part != "yaw")
+                what = f"{person.name} steps by {unit.from_si(moved[at]):.3g} {unit.written} where it has to stand"
+                yield Fault("feet", what, float(unit.from_si(moved[at])), float(samples.times[first + at]))
 
 
 def _short_legs(samples: Samples, model: AgentModel, person: Human) -> Iterator[Fault]:

@@ -103,7 +103,7 @@ class Samples:
         bodies = [body for body, _ in model.parts]
         if model.legs and isinstance(model.agent, Human):
             pelvis = 1 + [joint.name for joint in model.joints].index(f"{model.agent.name}.{PELVIS}")
-            legs = LegSegments(model.agent)
+            legs = LegSegments(model.agent, model.ground(frames))
             for number, body in enumerate(bodies):
                 if body.name in model.legs:
                     start, end = legs.ends(model.legs[body.name], frames[0][pelvis], frames[1][pelvis])

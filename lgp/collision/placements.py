@@ -30,7 +30,8 @@ class ShapePlacements:
     def __init__(self, world: World, modes: ModeSequence, shapes: Sequence[CollisionShape]) -> None:
         self.world, self.modes, self.shapes = world, modes, tuple(shapes)
         moving = [shape.frame for shape in shapes if shape.frame]
-        self.frames = tuple(dict.fromkeys([*moving, *modes.frames]))
+        self._grounds = [self._ground(shape) for shape in shapes]
+        self.frames = tuple(dict.fromkeys([*moving, *modes.frames, *filter(None, self._grounds)]))
         # The world is the last carrier: it stands still, and no joint moves it.
         number = {name: at for at, name in enumerate(self.frames)} | {"": len(self.frames)}
         phases = range(len(modes.switches) + 1)
@@ -40,7 +41,6 @@ class ShapePlacements:
         self._rotation, self._position = self._in_carriers(len(phases))
         self._set_attachments(len(phases))
         self._leg = np.array([bool(shape.leg) for shape in shapes])
-        self._segments = {name: LegSegments(person) for name, person in world.scene.humans.items()}
 
     def poses(
         self, kinematics: Kinematics, phases: Indices, z: Array, slices: Indices, shapes: Indices
@@ -113,7 +113,9 @@ class ShapePlacements:
     def frames_of(self, shapes: Indices) -> tuple[str, ...]:
         """Return the frames whose placements some shapes need, in all phases."""
         carriers = np.unique(self._carriers[:, shapes])
-        return tuple(self.frames[number] for number in carriers if number < len(self.frames))
+        own = [self.frames[number] for number in carriers if number < len(self.frames)]
+        grounds = (self._grounds[shape] for shape in np.unique(shapes)) if any(self._grounds) else ()
+        return tuple(dict.fromkeys([*own, *filter(None, grounds)]))
 
     def carriers(self, phases: Indices, shapes: Indices) -> Indices:
         """Return the carriers (m,) of shapes (m,) in phases (m,): numbers of frames, then the world's."""
@@ -122,6 +124,10 @@ class ShapePlacements:
     def joints(self, shape: int, phase: int) -> Flags:
         """Return (nq,) whether each joint moves a shape in a phase."""
         return np.asarray(self._supports[self._carriers[phase, shape]] > 0.0)
+
+    def _ground(self, shape: CollisionShape) -> str:
+        """Return the frame that the sole below a part of a leg stands in, "" for the floor."""
+        return self.world.scene.humans[shape.owner].ground if shape.leg else ""
 
     def _carrier(self, shape: CollisionShape, phase: int) -> str:
         if shape.owner not in self.world.scene.objects:
@@ -196,17 +202,36 @@ class ShapePlacements:
     def _leg_ends(self, body: CollisionShape, kinematics: Kinematics, rows: Indices | slice) -> tuple[Array, Array]:
         """Return both ends (n, 3) of a part of a leg that is solved in closed form."""
         at = kinematics.index[body.frame]
-        return self._segments[body.owner].ends(body.leg, kinematics.rotation[rows, at], kinematics.position[rows, at])
+        legs = self._legs(body, kinematics, rows)
+        return legs.ends(body.leg, kinematics.rotation[rows, at], kinematics.position[rows, at])
+
+    def _legs(self, body: CollisionShape, kinematics: Kinematics, rows: Indices | slice) -> LegSegments:
+        """Return the legs of the person that a part of a leg belongs to, standing where they do in some rows."""
+        person, ground = self.world.scene.humans[body.owner], self._ground(body)
+        if not ground:
+            return LegSegments(person)
+        at = kinematics.index[ground]
+        return LegSegments(person, (kinematics.rotation[rows, at], kinematics.position[rows, at]))
 
     def _leg_speeds(self, body: CollisionShape, kinematics: Kinematics, points: Array) -> Array:
         """Return the Jacobians (n, 3, nq) of points on such a part, up to rotations about its own axis."""
         side, _, segment = body.leg.partition(" ")
         at = kinematics.index[body.frame]
-        hip = self._segments[body.owner].hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
+        legs, ground = self._legs(body, kinematics, slice(None)), self._ground(body)
+        hip = legs.hip(side, kinematics.rotation[:, at], kinematics.position[:, at])
         start, end = self._leg_ends(body, kinematics, slice(None))
         share = np.einsum("ni,ni->n", points - start, end - start) / np.sum((end - start) ** 2, axis=1)
         share = np.clip(share, 0.0, 1.0)[:, None, None]
         of_hip = kinematics.point_jacobian(body.frame, hip)[:, :3]
-        of_knee = self._segments[body.owner].knee_by_hip(side, hip) @ of_hip
-        first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, np.zeros_like(of_knee))
+        bends, of_ankle = legs.knee_by_hip(side, hip), np.zeros_like(of_hip)
+        if ground:
+            # The leg moves with the ground, and bends as the hip moves relative to it.
+            knee = legs.knee(side, hip)
+            of_ankle, carried, at_hip = (
+                kinematics.point_jacobian(ground, point)[:, :3] for point in (legs.ankle(side), knee, hip)
+            )
+            of_knee = carried + bends @ (of_hip - at_hip)
+        else:
+            of_knee = bends @ of_hip
+        first, second = (of_hip, of_knee) if segment == "thigh" else (of_knee, of_ankle)
         return np.asarray((1.0 - share) * first + share * second)

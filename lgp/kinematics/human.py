@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lgp.scene.body_measures import lengths, table
+from lgp.scene.joint_units import TURN
+from lgp.scene.model import PlanarBase
 from reba.arrays import Array
 from reba.posture.columns import SIDES
 
@@ -48,21 +50,36 @@ class BodyJoint:
     upper: float
 
 
-def joints(stature: float, sex: str) -> tuple[BodyJoint, ...]:
-    """Return the joints of a human, parents first: pelvis, spine, left and right arm, left and right leg."""
+def joints(stature: float, sex: str, step: PlanarBase | None = None) -> tuple[BodyJoint, ...]:
+    """Return the joints of a human, parents first: pelvis, spine, left and right arm, left and right leg.
+
+    Of one who may step, three come before them: where the soles stand, `base_x`, `base_y` and `base_yaw`.
+    """
     measures = lengths(stature, sex)
+    places = () if step is None else _standing_place(step)
     body: list[BodyJoint] = []
     standing = np.array([0.0, 0.0, measures["ankle_height"] + measures["shank"] + measures["thigh"]])
     for limb in _limbs():
         is_sided = "{side}" in limb[0]["name"]
         for side in SIDES if is_sided else ("right",):
-            previous = ""
+            previous = places[-1].name if places and not body else ""
             for entry in limb:
                 parent = sided(entry.get("after", previous), side)
                 position = offset(entry, measures, side) if body else standing
                 body.append(_joint(entry, parent, position, side))
                 previous = body[-1].name
-    return tuple(body)
+    return (*places, *body)
+
+
+def _standing_place(step: PlanarBase) -> tuple[BodyJoint, ...]:
+    """Return the joints from the place in the scene to that where a person stands."""
+    x, y, z = np.eye(3)
+    turns = (TURN.to_si(step.yaw[0]), TURN.to_si(step.yaw[1]))
+    return (
+        BodyJoint("base_x", "", np.zeros(3), True, x, *step.x),
+        BodyJoint("base_y", "base_x", np.zeros(3), True, y, *step.y),
+        BodyJoint("base_yaw", "base_y", np.zeros(3), False, z, *turns),
+    )
 
 
 def _limbs() -> list[list[dict[str, Any]]]:
@@ -112,8 +129,10 @@ def _length(text: str, measures: dict[str, float]) -> float:
     return total
 
 
-def human_model(stature: float, sex: str) -> pin.Model:
+def human_model(stature: float, sex: str, step: PlanarBase | None = None) -> pin.Model:
     """Return the kinematic model (no inertia): 41 joints, frames `left_hand` ... `left_sole` ... `head`.
+
+    Of a person who may step, three more come first.
 
     It stands at the origin and faces x; segments have ISB axes (x forward, y up, z right).
     """
@@ -122,7 +141,7 @@ def human_model(stature: float, sex: str) -> pin.Model:
     model = pin.Model()
     model.name = "human"
     index = {"": 0}
-    for joint in joints(stature, sex):
+    for joint in joints(stature, sex, step):
         kind = pin.JointModelPrismaticUnaligned if joint.prismatic else pin.JointModelRevoluteUnaligned
         # The pelvis moves in world axes; its children have ISB axes.
         axes = ISB if joint.parent == PELVIS else np.eye(3)

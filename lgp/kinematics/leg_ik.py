@@ -150,19 +150,22 @@ class LegSegments:
     """Hip, knee and ankle of a person whose soles stay in place, from the pose of the pelvis.
 
     The knee is in front, in the plane of hip, ankle and the direction of the foot.
+
+    Args:
+        ground: poses (n, 3, 3), (n, 3) [m] of the frame that the soles stand in, of a person who may step.
     """
 
-    def __init__(self, person: Human) -> None:
-        self.measures = lengths(person.stature, person.sex)
-        self.rotation = rotation_about_z(np.radians(person.yaw))
-        self.origin = np.array(person.position)
+    def __init__(self, person: Human, ground: tuple[Array, Array] | None = None) -> None:
+        self.measures = _lengths(person.stature, person.sex)
+        standing: tuple[Array, Array] = rotation_about_z(np.radians(person.yaw)), np.array(person.position)
+        self.rotation, self.origin = standing if ground is None else ground
 
     def ends(self, leg: str, rotation: Array, position: Array) -> tuple[Array, Array]:
         """Return both ends (n, 3) [m] of "left thigh", "right shank" ... for poses (n, 3, 3), (n, 3) of the pelvis."""
         side, _, segment = leg.partition(" ")
         hip = self.hip(side, rotation, position)
         knee = self.knee(side, hip)
-        return (hip, knee) if segment == "thigh" else (knee, np.broadcast_to(self._ankle(side), hip.shape))
+        return (hip, knee) if segment == "thigh" else (knee, np.broadcast_to(self.ankle(side), hip.shape))
 
     def hip(self, side: str, rotation: Array, position: Array) -> Array:
         """Return the hip (n, 3) [m]."""
@@ -171,11 +174,12 @@ class LegSegments:
     def knee(self, side: str, hip: Array) -> Array:
         """Return the knee (n, 3) [m] for hips (n, 3)."""
         thigh, shank = self.measures["thigh"], self.measures["shank"]
-        ankle = self._ankle(side)
+        ankle, ahead = self.ankle(side), self.rotation[..., 0]
         upwards = hip - ankle
         distance = np.linalg.norm(upwards, axis=1, keepdims=True)
         upwards = upwards / distance
-        forward = self.rotation[:, 0] - (upwards @ self.rotation[:, 0])[:, None] * upwards
+        along = upwards @ ahead if ahead.ndim == 1 else np.einsum("ni,ni->n", upwards, ahead)
+        forward = ahead - along[:, None] * upwards
         forward /= np.linalg.norm(forward, axis=1, keepdims=True)
         share = (distance**2 + shank**2 - thigh**2) / (2.0 * distance)
         bent = np.sqrt(np.maximum(shank**2 - share**2, 0.0))
@@ -190,7 +194,8 @@ class LegSegments:
     def _out(self, side: str) -> float:
         return self.measures["half_hips"] * (1.0 if side == "right" else -1.0)
 
-    def _ankle(self, side: str) -> Array:
+    def ankle(self, side: str) -> Array:
+        """Return the ankle, (3,) or (n, 3) [m]."""
         return self.origin + self.rotation @ np.array([0.0, -self._out(side), self.measures["ankle_height"]])
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from lgp.errors import WorldError
 from lgp.kinematics import human
 from lgp.kinematics.features import cross, rotation_about_z
 from lgp.kinematics.leg_ik import rest_posture
+from lgp.kinematics.planar_joints import BASE
 from lgp.kinematics.robot import Coupling, JointedModel, locked_model, robot_model
 from lgp.scene.joint_units import JointUnit, unit_of
 from lgp.scene.model import Agent, Human, Robot, Scene
@@ -151,6 +153,17 @@ class World:
             return limit
         with np.errstate(divide="ignore"):
             return np.asarray(np.min(limit[:, None] / np.abs(self._spread), axis=0))
+
+    @cached_property
+    def acceleration_weights(self) -> Array:
+        """Weights (nq,) of the squared accelerations of joints in the cost: 1, or what a base over the floor states."""
+        weights = np.ones(self.nq)
+        for agent in self.scene.agents:
+            base = agent.step if isinstance(agent, Human) else agent.base if isinstance(agent, Robot) else None
+            if base is not None:
+                place = (self.column.get(f"{agent.name}.{BASE}_{part}") for part in ("x", "y", "yaw"))
+                weights[[column for column in place if column is not None]] = base.cost
+        return weights
 
     def with_scene(self, scene: Scene) -> World:
         """Return this world with other tables and objects, sharing the kinematic model.
@@ -318,8 +331,8 @@ def _without_tilt_limits(agent: AnyAgent) -> AnyAgent:
 def _agent_model(agent: Agent) -> tuple[JointedModel, pin.SE3]:
     """Return an agent's model with joints and frames named `agent.name`, and its placement in the world."""
     if isinstance(agent, Human):
-        units = {joint.name: unit_of(joint.prismatic) for joint in human.joints(agent.stature, agent.sex)}
-        full = JointedModel(human.human_model(agent.stature, agent.sex), units)
+        units = {joint.name: unit_of(joint.prismatic) for joint in human.joints(agent.stature, agent.sex, agent.step)}
+        full = JointedModel(human.human_model(agent.stature, agent.sex, agent.step), units)
         rest = {name: units[name].from_si(value) for name, value in rest_posture(agent.stature, agent.sex).items()}
         standing = replace(agent, joints=rest | dict(agent.joints))
         legs = tuple(f"{side}_{joint}" for side in SIDES for joint in human.LEGS)

@@ -22,6 +22,7 @@ from lgp.motion import Motion
 from lgp.page.pack import packed
 from lgp.page.pictures import write_pictures
 from lgp.page.sentences import Instruction, instructions, person_in_words
+from lgp.page.steps import with_steps
 from lgp.page.view import SceneAnimation, scene_animation
 from lgp.plan_record import Plan
 from lgp.scene.model import Scene
@@ -69,7 +70,7 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
     if not plan.actions:
         raise LgpError(f"{plan.scene.name}: the plan has no actions, the goal holds already; give a plan with actions")
     animation = scene_animation(motion)
-    lines = instructions(motion.phases)
+    lines = with_steps(instructions(motion.phases), motion)
 
     def write(part: Path) -> None:
         assets = part / ASSETS

@@ -154,11 +154,18 @@ class _Stage:
         joints = list(dict.fromkeys([*shape.skin.bones, *(joint for joint, _ in shape.parts)]))
         numbers = {
             joint: self.frame(f"{person.name}.{joint}", place)
-            for joint, place in _joints(person, self.motion.joints_of(person), joints).items()
+            for joint, place in _joints(person, self.motion.joints_of(person), joints, self._ground(person)).items()
         }
         for joint, mesh in shape.parts:
             self.bodies.append(MeshInstance(self.mesh(f"{person.name}.{joint}", mesh), numbers[joint], np.eye(4)))
         return shape.skin, np.array([numbers[bone] for bone in shape.skin.bones])
+
+    def _ground(self, person: Human) -> Array:
+        """Return (T, 4, 4), or (1, 4, 4) of one who does not step: where a person stands in the world."""
+        if not person.ground:
+            return _standing(person.position, person.yaw)[None]
+        poses = self.motion.frames([person.ground])[person.ground]
+        return _matrices(poses.rotation, poses.position)
 
     def frame(self, name: str, place: Array) -> int:
         self.place[name] = place
@@ -171,13 +178,12 @@ class _Stage:
         return self._known[key]
 
 
-def _joints(person: Human, values: Mapping[str, Array], names: list[str]) -> dict[str, Array]:
+def _joints(person: Human, values: Mapping[str, Array], names: list[str], ground: Array) -> dict[str, Array]:
     """Return joint -> (T, 4, 4) in the world, from the values of all joints (T,) [rad, m]."""
     import pinocchio as pin
 
     model = human.human_model(person.stature, person.sex)
     data = model.createData()
-    ground = _standing(person.position, person.yaw)
     columns = {name: model.joints[model.getJointId(name)].idx_q for name in values}
     q = np.empty((len(next(iter(values.values()))), model.nq))
     for name, column in columns.items():
@@ -186,7 +192,7 @@ def _joints(person: Human, values: Mapping[str, Array], names: list[str]) -> dic
     for row, configuration in enumerate(q):
         pin.forwardKinematics(model, data, configuration)
         for number, name in enumerate(names):
-            poses[number, row] = ground @ data.oMi[model.getJointId(name)].homogeneous
+            poses[number, row] = ground[row % len(ground)] @ data.oMi[model.getJointId(name)].homogeneous
     return dict(zip(names, poses, strict=True))
 
 

@@ -8,6 +8,7 @@ Joint limits and borders of table tops are bounds.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from lgp.collision.contacts import draw_back_slices
 from lgp.kinematics import features
 from lgp.kinematics.features import Feature
 from lgp.kinematics.modes import ModeSequence
+from lgp.kinematics.planar_joints import BASE
 from lgp.kinematics.world import World
 from lgp.path.action_constraints import ActionConstraints
 from lgp.path.active_constraints import ActiveConstraints
@@ -24,6 +26,7 @@ from lgp.path.hessian import RowBlocks
 from lgp.path.leg_reach import LegReachConstraint
 from lgp.path.mode_constraints import Blocks, ConstraintInfo, ModeConstraints, SwitchValues
 from lgp.path.phases import Phases
+from lgp.scene.mobile_base import standing_from
 from reba.arrays import Array, Indices
 
 
@@ -263,6 +266,11 @@ def equal_joint_constraints(
         standing = np.flatnonzero(world.support(hand)).tolist()
         first = int(phases.keyframes[number])
         _stand(joints, standing, range(first, min(int(phases.keyframes[end]) + 1, horizon)), unknown)
+    for place in _standing_places(world):
+        for end in phases.ends.tolist():
+            if end in unknown:
+                first = end - phases.slices + 1 + standing_from(phases.slices)
+                _stand(joints, place, range(end, first - 1, -1), unknown)
     between: dict[Pair, Indices] = {}
     eliminated: dict[Pair, Indices] = {}
     for pair in sorted(joints):
@@ -270,9 +278,21 @@ def equal_joint_constraints(
     return between, eliminated
 
 
+def _standing_places(world: World) -> Iterator[list[int]]:
+    """Yield the columns of the place of each person who may step."""
+    for name, person in world.scene.humans.items():
+        if person.step is not None:
+            parts = (world.column.get(f"{name}.{BASE}_{part}") for part in ("x", "y", "yaw"))
+            yield [column for column in parts if column is not None]
+
+
 def _stand(joints: dict[Pair, set[int]], standing: list[int], slices: range, unknown: set[int]) -> None:
-    """Let some joints be equal in slices, each in the next one or where that is eliminated the one after it."""
+    """Let some joints be equal in slices, each in the next one or where that is eliminated the one after it.
+
+    The first of the slices, which may fall, is a knot.
+    """
     first = slices.start
     for second in slices[1:]:
-        joints.setdefault((first, second), set()).update(standing)
+        pair = (min(first, second), max(first, second)) if second in unknown else (first, second)
+        joints.setdefault(pair, set()).update(standing)
         first = second if second in unknown else first

@@ -22,9 +22,9 @@ BROKEN: Final = 1e-4
 def speed_limits(world: World) -> Array:
     """Return the speed limit of each joint [rad/s, m/s], (nq,); inf where a URDF gives none."""
     limits = world.speed_limit.copy()
-    for person in world.scene.humans:
-        for column in world.columns(person):
-            limits[column] = speed_limit(world.joints[column].partition(".")[2])
+    for name, person in world.scene.humans.items():
+        for column in world.columns(name):
+            limits[column] = speed_limit(world.joints[column].partition(".")[2], person)
     return np.asarray(limits, dtype=np.float64)
 
 

@@ -154,7 +154,8 @@ class PathProblem:
         Of the path with its own durations this is all: no constraint depends on time.
         """
         steps = self.phases.steps[: len(self._all_shares)]
-        accelerations = slope_by_steps(self.path(x) - self.initial_configuration, steps, self._stop)
+        away = (self.path(x) - self.initial_configuration) * np.sqrt(self.world.acceleration_weights)
+        accelerations = slope_by_steps(away, steps, self._stop)
         by_phase = accelerations.reshape(-1, self.phases.slices).sum(axis=1)
         time = self.weights.time * self.phases.phase_durations
         return np.asarray(self.weights.acceleration * by_phase + self.running_by_phase(x) + time)
@@ -206,13 +207,14 @@ class PathProblem:
         else:
             matrix = acceleration_quadratic(horizon, 1.0 / self.phases.slices, stop) / 12.0
         matrix *= self.weights.acceleration > 0.0
-        groups: dict[tuple[tuple[int, int], ...], list[int]] = {}
+        groups: dict[tuple[float, tuple[tuple[int, int], ...]], list[int]] = {}
+        weights = self.world.acceleration_weights
         for joint in range(self.world.nq):
             own = tuple(pair for pair, joints in self.constraints.equal_eliminated.items() if joint in joints)
-            groups.setdefault(own, []).append(joint)
+            groups.setdefault((float(weights[joint]), own), []).append(joint)
         self.groups: list[tuple[Indices, CondensedQuadratic]] = [
-            (np.array(joints, dtype=np.intp), eliminate_slices(matrix, self.knots, pairs))
-            for pairs, joints in groups.items()
+            (np.array(joints, dtype=np.intp), eliminate_slices(weight * matrix, self.knots, pairs))
+            for (weight, pairs), joints in groups.items()
         ]
         self._all_shares = steps / self.phases.tau
         self.rates = self.rate * self._all_shares[self.knots]

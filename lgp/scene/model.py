@@ -70,26 +70,14 @@ class Agent:
 
 
 @dataclass(frozen=True)
-class Human(Agent):
-    """A person: stature [m] and sex scale the body.
-
-    `legs`: "planted" (12 leg joints, soles fixed by constraints), "solved" (closed-form inverse kinematics from the
-    pelvis, without joints, same postures) or "locked" (rigid legs below a free pelvis).
-    """
-
-    stature: float
-    sex: str
-    legs: str
-
-
-@dataclass(frozen=True)
 class PlanarBase:
-    """How far a mobile robot moves over the floor from its position and yaw, along and about its own axes.
+    """How far an agent moves over the floor from its position and yaw, along and about its own axes.
 
     Attributes:
         x, y: lowest and highest displacement [m].
         yaw: lowest and highest turn [deg].
         speed, turn: largest speeds [m/s, deg/s].
+        cost: weight of squared accelerations of the base, beside 1 of other joints.
     """
 
     x: tuple[float, float]
@@ -97,6 +85,27 @@ class PlanarBase:
     yaw: tuple[float, float]
     speed: float
     turn: float
+    cost: float = 1.0
+
+
+@dataclass(frozen=True)
+class Human(Agent):
+    """A person: stature [m] and sex scale the body.
+
+    `legs`: "planted" (12 leg joints, soles fixed by constraints), "solved" (closed-form inverse kinematics from the
+    pelvis, without joints, same postures) or "locked" (rigid legs below a free pelvis). `step` is the region of the
+    standing places of a person who may step: one for each phase.
+    """
+
+    stature: float
+    sex: str
+    legs: str
+    step: PlanarBase | None = None
+
+    @property
+    def ground(self) -> str:
+        """The frame that the soles stand in where they may step: `human.base_yaw`; else ""."""
+        return "" if self.step is None else f"{self.name}.base_yaw"
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Final
 
 from lgp.errors import SceneError
 from lgp.scene.body_measures import STATURE, table
+from lgp.scene.mobile_base import read_base
 from lgp.scene.model import Hand, Human
 from lgp.scene.surroundings import FARTHEST
 from reba.toml_table import TomlTable
@@ -16,6 +17,8 @@ FREEDOMS: Final = ("free", "axis", "jaw", "fixed")
 LEGS: Final = ("planted", "solved", "locked")
 SHORT: Final = "human"
 """Name of the person of `[human]`."""
+WALKING: Final = (1.2, 120.0)
+"""[m/s, deg/s] Largest speeds of a person who steps: walking pace of adults in comfort is 1.2 to 1.4 m/s."""
 RESERVED: Final = ("table", "obstacle")
 """First parts of names that are not those of agents."""
 
@@ -54,6 +57,12 @@ def _human(name: str, entries: TomlTable) -> Human:
     tilt = entries.number("tilt", 180.0, 0.0, 180.0)
     freedom = entries.text("freedom", "free", FREEDOMS)
     payload = payload_of(entries)
+    legs = entries.text("legs", "solved", LEGS)
+    step = read_base(entries.table("step"), *WALKING) if entries.has("step") else None
+    if step is not None and legs != "solved":
+        raise SceneError(
+            f'{entries.where}: legs are {legs!r}, expected "solved" for one who may step; leave out `legs` or `step`'
+        )
     human = Human(
         name=name,
         position=(x, y, 0.0),
@@ -63,7 +72,8 @@ def _human(name: str, entries: TomlTable) -> Human:
         joints=entries.numbers("joints"),
         stature=entries.number("stature", 1.75, *STATURE),
         sex=entries.text("sex", "male", table()["de_leva"]),
-        legs=entries.text("legs", "solved", LEGS),
+        legs=legs,
+        step=step,
     )
     entries.done()
     return human

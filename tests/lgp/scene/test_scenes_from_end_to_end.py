@@ -20,6 +20,8 @@ PLANNED = {
     "pouring": ("pour.py", ["grasp", "bring", "pour", "place"]),
     "over_the_wall": ("", ["grasp", "handover", "place"]),
     "restock": ("", ["grasp", "place", "grasp", "place"]),
+    "gantry": ("", ["grasp", "place", "grasp", "place"]),
+    "steps": ("", ["grasp", "place"]),
     "two_people": ("", ["grasp", "handover", "place"]),
     "two_hands": ("carry_with_both_hands.py", ["lift", "put"]),
 }
@@ -74,4 +76,15 @@ def _hands_over(motion: lgp.Motion) -> None:
     assert [one["max"] >= 1 for one in motion.plan.summary()["reba"]["people"].values()] == [True, True]
 
 
-CHECKS = {"pouring": _pours, "two_hands": _carries, "two_people": _hands_over}
+def _steps(motion: lgp.Motion) -> None:
+    """The person stands at two places, and in each while its hand takes or puts."""
+    place = motion.frames(["human.base_yaw"])["human.base_yaw"].position
+    each = motion.phases.slices
+    for last in (each, 2 * each):
+        np.testing.assert_allclose(
+            place[last - each // 2 + 1 : last + 1], np.tile(place[last], (each // 2, 1)), atol=1e-4
+        )
+    assert place[2 * each, 1] - place[each, 1] > 0.5
+
+
+CHECKS = {"steps": _steps, "pouring": _pours, "two_hands": _carries, "two_people": _hands_over}
