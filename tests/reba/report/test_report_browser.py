@@ -58,6 +58,9 @@ def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, repor
     assert visible(browser, "canvas.shared") == 2, "the comparison fits the screen"
     assert inked(browser, "canvas.shared") > 200
     assert too_wide(browser) <= 0
+    cut = "(e) => e.getClientRects().length && e.scrollWidth > e.clientWidth + 1"
+    code = f"return [...document.querySelectorAll('.bar i')].filter({cut}).map((e) => e.textContent)"
+    assert browser.execute_script(code) == [], "labels of spans too narrow for them"
     entries = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
     assert entries == []
     assert complaints(browser) == []
