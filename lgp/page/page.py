@@ -110,7 +110,7 @@ def _facts(plan: Plan, animation: SceneAnimation, lines: tuple[Instruction, ...]
             {
                 "text": line.text,
                 "you": line.you,
-                "who": line.who,
+                "who": " and ".join(dict.fromkeys(one.who for one in (line, *line.beside) if one.you)),
                 "frame": animation.frames.index(line.object_name),
                 "radius": max(RING, round(0.6 * max(plan.scene.objects[line.object_name].size), 3)),
             }
