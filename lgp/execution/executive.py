@@ -392,8 +392,7 @@ class Executive:
 
     @property
     def _instruction(self) -> Instruction:
-        phases = self.planner.motion.phases
-        return instructions(phases)[phases.phase_of[self.number]]
+        return instructions(self.planner.motion.phases)[self.planner.motion.phases.phase_of[self.number]]
 
     @property
     def _label(self) -> str:

@@ -100,10 +100,11 @@ def verdict(
 
 
 def _worst(scores: ScoreTable, times: Sequence[float], high: NDArray[np.int64], at_risk: bool) -> list[float]:
-    """Return the worst times that the verdict names: where there is high risk, those that may be at it."""
-    rows = np.minimum(np.searchsorted(scores.time, times), len(scores.time) - 1)
-    reach = [time for time, row in zip(times, rows, strict=True) if high[row] >= HIGH] if at_risk else []
-    return (reach or list(times))[:NAMED]
+    """Return those of the first times that the verdict names: where there is high risk, the ones that may be at it."""
+    first = list(times[:NAMED])
+    rows = np.minimum(np.searchsorted(scores.time, first), len(scores.time) - 1)
+    reach = [time for time, row in zip(first, rows, strict=True) if high[row] >= HIGH] if at_risk else []
+    return reach or first
 
 
 def _time(value: float) -> str:
