@@ -38,7 +38,7 @@ def picture(page: str, name: str, width: int, height: int) -> None:
 
 def main() -> None:
     """Take both pictures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--plan", type=Path, help="folder with a plan; by default the scene is planned")
     plan = parser.parse_args().plan
     with TemporaryDirectory() as folder:

@@ -43,9 +43,8 @@ def compared_figures(a: RecordingSummary, b: RecordingSummary) -> list[ComparedF
     for level in reversed(range(len(ACTION_LEVELS))):
         name = f"At {ACTION_LEVELS[level][0]} risk"
         rows.append(_figure(name, _share_at(a, level), _share_at(b, level), _percents, percentage_points, judged=False))
-    unknown = [seconds_of_levels(one, "reba")[None] / one.seconds for one in (a, b)]
-    open_shares = [(share, share) for share in unknown]
-    rows.append(_figure("Not determined", *open_shares, _percents, percentage_points, judged=False))
+    unknown = [(seconds_of_levels(one, "reba")[None] / one.seconds,) * 2 for one in (a, b)]
+    rows.append(_figure("Not determined", unknown[0], unknown[1], _percents, percentage_points, judged=False))
     for part, title in PARTS.items():
         means = [
             tuple(float(np.average(end[part], weights=one.weights)) for end in (one.ends.low, one.ends.high))
