@@ -181,7 +181,7 @@ def test_assumptions_change_the_shares(browser: Any, report: Path) -> None:
     said = browser.execute_script("return document.querySelector('#r1 .outcome').textContent")
     assert said.startswith(f"REBA 8 or more: {low}")
     assert high in said
-    spans = "return [...document.querySelectorAll(arguments[0])].map((e) => e.className).filter((one) => one !== 'open')"
+    spans = "return [...document.querySelectorAll(arguments[0])].map((e) => e.className).filter((e) => e !== 'open')"
     for bar in ("#r1 .what-if .bar i", "#r1 .levelbars:not(.errorbars) .bar:first-of-type i"):
         names = browser.execute_script(spans, bar)
         assert names == sorted(names), "the lowest level comes first in every bar"
