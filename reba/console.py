@@ -8,7 +8,7 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from reba.analysis.wording import both, span
+from reba.analysis.wording import both, percentage_points, span
 from reba.analysis.worksheet import Worksheet
 from reba.batch.run import RecordingResult
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
@@ -244,10 +244,10 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
         table.add_row(key, _span(a, key), _span(b, key), _change(a["range"], b["range"], key))
     for level, (risk, _) in enumerate(ACTION_LEVELS):
         shares = a["action_levels"][str(level)], b["action_levels"][str(level)]
-        table.add_row(f"time at {risk}", *map(_percent, shares), _points(shares))
+        table.add_row(f"time at {risk}", *map(_percent, shares), _points(*shares))
     shares = a["action_level_undetermined"], b["action_level_undetermined"]
     if any(shares):
-        table.add_row("time not determined", *map(_percent, shares), _points(shares))
+        table.add_row("time not determined", *map(_percent, shares), _points(*shares))
     for part, change in result["difference"]["parts"].items():
         means = (a["parts"][part]["mean"], b["parts"][part]["mean"])
         if any(mean is not None for mean in means):
@@ -261,9 +261,8 @@ def show_comparison(console: Console, result: dict[str, Any]) -> None:
             console.print(Text(f"only {name} lacks: {', '.join(short_columns(columns))}; compare the ranges with care"))
 
 
-def _points(shares: tuple[float, float]) -> str:
-    """Return the difference of two shares in percentage points."""
-    return f"{(shares[1] - shares[0]) * 100:+.0f} %"
+def _points(first: float, second: float) -> str:
+    return percentage_points(second - first, second - first)
 
 
 def _change(a: dict[str, Any], b: dict[str, Any], key: str) -> str:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 import sys
 from typing import Any, Final
 
 import rich.console
+import rich.containers
 import rich.measure
 import rich.text
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -18,12 +20,17 @@ from rich.table import Table
 
 from reba.printable import printable
 
+UNITS: Final = "%|s|ms|min|h|Hz|deg|degrees|rad|kg|N|m|cm|mm|MB|percentage points"
+_TOGETHER: Final = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?!\w))|(?<=\d min) (?=\d)|(?<=\d h) (?=\d)|(?<=REBA) (?=\d)")
+_JOINED: Final = "\ue000"
+"""Stands for a space at which no line ends while lines are laid out: a no-break space is one to rich, too."""
 LARGE: Final = 10_000
 """Columns in which every table has room: the width that it needs is measured there."""
 
 
 class Text(rich.text.Text):
-    r"""Text whose hidden characters are shown as escape codes, except those to `keep`: line ends of our own headings.
+    r"""Text whose numbers stay on one line with their units, and whose hidden characters are shown as escape codes,
+    except those to `keep`: line ends of our own headings.
 
     >>> Text("left\x1b[2J hand").plain, Text("time\n[s]", keep="\n").plain
     ('left\\x1b[2J hand', 'time\n[s]')
@@ -37,6 +44,23 @@ class Text(rich.text.Text):
         super().append(printable(text) if isinstance(text, str) else text, style)
         return self
 
+    def wrap(self, console: rich.console.Console, width: int, **options: Any) -> rich.containers.Lines:
+        """Return the text in lines of a width."""
+        lines = self._joined().wrap(console, width, **options)
+        for line in lines:
+            line.plain = line.plain.replace(_JOINED, " ")
+        return lines
+
+    def __rich_measure__(
+        self, console: rich.console.Console, options: rich.console.ConsoleOptions
+    ) -> rich.measure.Measurement:
+        return self._joined().__rich_measure__(console, options)
+
+    def _joined(self) -> rich.text.Text:
+        joined = self.copy()  # of the class of rich
+        joined.plain = _TOGETHER.sub(_JOINED, self.plain)
+        return joined
+
 
 class Console(rich.console.Console):
     """Console that reads no markup and no emoji in texts, and shows their hidden characters as `Text` does."""
@@ -46,6 +70,13 @@ class Console(rich.console.Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print; a table whose words and numbers do not fit side by side is printed row by row, so that none is cut."""
+        if len(objects) == 1 and isinstance(objects[0], str | rich.text.Text) and not options:
+            # Here, as rich would lay out a text of its own class instead.
+            text = self.render_str(objects[0]) if isinstance(objects[0], str) else objects[0]
+            for line in text.wrap(self, self.width):
+                line.rstrip()
+                super().print(line)
+            return
         if len(objects) != 1 or not isinstance(objects[0], Table) or not objects[0].show_header:
             super().print(*objects, **options)
             return
@@ -92,7 +123,8 @@ class Console(rich.console.Console):
 
     def render_str(self, text: str, **options: Any) -> rich.text.Text:
         """Return a string to print, a cell or a heading as text to lay out."""
-        return super().render_str(printable(text), **options)
+        shown = super().render_str(printable(text), **options)
+        return Text(shown.plain, shown.style, justify=shown.justify, overflow=shown.overflow)
 
 
 def console(stderr: bool = False) -> Console:

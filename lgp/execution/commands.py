@@ -24,6 +24,9 @@ from reba.command_line import (
 )
 from reba.outputs import FileOutput, check_outputs
 
+SAY_WHY = ("waiting", "moved", "lost", "dropped", "failed")
+"""Kinds of events whose text has the reason."""
+
 
 @click.command("run", cls=Command, epilog="Example: lgp plan screwdriver -o plan/ && lgp run plan/ --fault moved@1")
 @click.argument("folder", metavar="DIR")
@@ -74,7 +77,7 @@ def run_command(folder: str, export: str | None, as_json: bool, **options: Any) 
     from lgp.execution.server import Address, run_live
 
     def on_event(event: Any) -> None:
-        why = f" ({event.details['why']})" if event.details.get("why") and event.state != "failed" else ""
+        why = f" ({event.details['why']})" if event.details.get("why") and event.kind not in SAY_WHY else ""
         echo(f"{event.time:7.2f} s  {event.text}{why}", err=True)
 
     def on_served(address: str) -> None:
@@ -137,8 +140,9 @@ def _show(summary: dict[str, Any]) -> None:
     from reba.terminal import console
 
     out = console()
+    why = f", because {summary['why']}" if summary["state"] == "failed" else ""
     out.print(
-        f"{summary['state']} after {summary['seconds']:.1f} s: {len(summary['actions'])} actions, "
+        f"{summary['state']} after {summary['seconds']:.1f} s{why}: {len(summary['actions'])} actions, "
         f"{summary['retargeted']} motions retargeted, {summary['replanned']} times replanned"
     )
     for row in summary["comparison"]:

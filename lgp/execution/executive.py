@@ -33,14 +33,12 @@ from lgp.execution.tracking import TrackedPose, TrackedWorld
 from lgp.execution.trajectory import BRAKE, Brake, robot_columns, time_scaled, violations
 from lgp.logic.task import Action
 from lgp.motion import Motion
-from lgp.page.sentences import in_words, instructions
+from lgp.page.sentences import Instruction, in_words, instructions
 
 OnEvent = Callable[[str, str, str, dict[str, Any]], None]
 """Callback with the state, kind, text and details of an event, see `events.Event`."""
 DROP_OBSERVATIONS = 3
 """Number of successive observations without an object in the hand that count as a drop, against tracker noise."""
-
-
 OUT_OF_REACH = "an object is where the planned motion does not reach it"
 """Why there is a new plan, for people, where no disturbance was seen."""
 
@@ -154,7 +152,7 @@ class Executive:
             self._prepare()
             return
         if all_hold(self._check("end")):
-            self._end("was done already")
+            self._end("Done already")
             return
         self.predicate_states = starts
         why = first_failing(starts)
@@ -209,8 +207,8 @@ class Executive:
             return None
         if violated:
             trajectory, factor = time_scaled(world, phase.trajectory, columns)
-            self.on_event("waiting", "slowed", f"The motion is slowed down to {1 / factor:.0%}: {violated[0]}", {
-                "factor": factor, "limits": [str(one) for one in violated],
+            self.on_event("waiting", "slowed", f"The robot moves at {1 / factor:.0%} of the planned speed.", {
+                "why": str(violated[0]), "factor": factor, "limits": [str(one) for one in violated],
             })  # fmt: skip
             phase = replace(phase, trajectory=trajectory)
         return phase
@@ -224,7 +222,6 @@ class Executive:
         self._carried = {name: hand for name in scene.objects if (hand := carrier(self.view, name, nominal))}
         self._enter("moving")
         self.robots.follow(phase.trajectory)
-        self._instruction = instructions(self.planner.motion.phases)[self.planner.motion.phases.phase_of[self.number]]
         details = {"label": self._label, "seconds": phase.trajectory.duration}
         self.on_event("running", "told" if self._instruction.you else "started", self._instruction.text, details)
 
@@ -240,7 +237,7 @@ class Executive:
                 self.robots.grip(hand, closed)
         ends = self._check("end")
         if all_hold(ends):
-            self._end("is done")
+            self._end("Done")
         elif self._waited > phase.trajectory.duration + self.settings.patience:
             self._repeat(first_failing(ends))
         elif self._waited > phase.trajectory.duration + self.settings.reminder and not self._last_reason:
@@ -304,7 +301,7 @@ class Executive:
         """Repeat the action, or fail after the last attempt."""
         self._attempts += 1
         if self._attempts >= self.settings.attempts:
-            self._fail(f"{self._label} was not finished in time: {why}")
+            self._fail(f"{self._label} was not finished in time: {why}", f"This step was not finished in time: {why}")
             return
         adds = [atom for action in self._actions for atom in self.planner.task.holding(action.adds)]
         for hand in closed_grippers(self.planner.plan.scene, adds):
@@ -332,7 +329,8 @@ class Executive:
         plan = planner.replan(self.number, scene, self.view.now.q, self.settings.search)
         if not plan.feasible:
             timeout = f"none was found in {self.settings.search:.0f} s, and {why}"
-            self._fail(f"no plan from here: {timeout if plan.status == 'exhausted' else first_reasons(plan.reason)}")
+            reason = timeout if plan.status == "exhausted" else first_reasons(plan.reason)
+            self._fail(f"no plan from here: {reason}", f"{words or why}; no new plan was found")
             return
         if not plan.actions:
             self._finish("The goal is reached already.")
@@ -341,7 +339,7 @@ class Executive:
         planner.follow(plan)
         self.number, self.phase, self._attempts, self._restarts = 0, None, 0, False
         self._enter("waiting")
-        self.on_event("waiting", "replanned", f"There is a new plan of {len(plan.actions)} actions.", {
+        self.on_event("waiting", "replanned", "There is a new plan.", {
             "actions": list(plan.actions), "cost": plan.costs["total"], "seconds": plan.search["seconds"],
             "why": why,
         })  # fmt: skip
@@ -366,7 +364,7 @@ class Executive:
 
     def _end(self, how: str) -> None:
         label, following = self._label, self.planner.step(self.number).stop
-        self.on_event("done", "ended", f"{label} {how}.", {"label": label, "seconds": self._waited})
+        self.on_event("done", "ended", f"{how}: {self._instruction.text}", {"label": label, "seconds": self._waited})
         self.phase, self._attempts, self._restarts = None, 0, False
         if following == len(self.planner.actions):
             self._finish("All actions are done.")
@@ -378,9 +376,9 @@ class Executive:
         self._enter("finished")
         self.on_event("finished", "finished", text, {})
 
-    def _fail(self, why: str) -> None:
+    def _fail(self, why: str, words: str = "") -> None:
         self._enter("failed")
-        self.on_event("failed", "failed", f"{why[:1].upper()}{why[1:]}.", {"why": why})
+        self.on_event("failed", "failed", f"{in_words(self.planner.plan.scene, words or why)}.", {"why": why})
 
     def _robot_acts(self) -> bool:
         hands = self.planner.plan.scene.hands
@@ -391,6 +389,10 @@ class Executive:
     def _actions(self) -> tuple[Action, ...]:
         """The current actions: those of one phase."""
         return tuple(self.planner.actions[number] for number in self.planner.step(self.number))
+
+    @property
+    def _instruction(self) -> Instruction:
+        return instructions(self.planner.motion.phases)[self.planner.motion.phases.phase_of[self.number]]
 
     @property
     def _label(self) -> str:

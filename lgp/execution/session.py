@@ -29,6 +29,7 @@ from lgp.execution.ros_messages import JOINT_STATE, encoder
 from lgp.execution.simulation import SimulatedRobots, SimulatedTracker, SimulatedWorld
 from lgp.execution.tracking import ObservationSource, TrackedWorld
 from lgp.execution.worker import Worker, WorkerBehaviour, workers
+from lgp.page.sentences import in_words
 from lgp.plan_record import Plan
 
 TICK = 0.05
@@ -208,7 +209,8 @@ class ExecutionRun:
             self.simulation.step(self._time)
         if self.faults is not None:
             for text in self.faults.step(self._time):
-                self._on_executive_event(self.events[-1].state, "fault", text, {})
+                words = in_words(self.planner.plan.scene, text)
+                self._on_executive_event(self.events[-1].state, "fault", words, {})
         self.view.add(self.source.observe())
         self.recorder.moment(self.view, self.planner.nominal(self.executive.number))
         self.executive.step()

@@ -15,6 +15,7 @@ from lgp.experiments.runs import TABLES
 from lgp.experiments.summary import ERGONOMIC, NON_ERGONOMIC
 from lgp.statistics.formatting import p_text, signed
 from lgp.statistics.shares import equivalent
+from reba.analysis.wording import percentage_points
 
 ALPHA: Final = 0.05
 """Significance level of a corrected p value."""
@@ -79,12 +80,15 @@ def _choice_finding(start: str, results: Mapping[str, Any]) -> Finding:
     elif left["difference"] < 0 < center["difference"] and change["p"] < ALPHA:
         shown = True
     shares = ", ".join(
-        f"{table} {plain[table]:.0f} to {ergonomic[table]:.0f} % "
-        f"(95 % {100 * change['shares'][table]['low']:+.0f} to {100 * change['shares'][table]['high']:+.0f})"
+        f"{table} {plain[table]:.0f} to {ergonomic[table]:.0f} % (95 % {_points(change['shares'][table])})"
         for table in TABLES
     )
     test = f"Stuart-Maxwell {change['statistic']:.1f}, df {change['df']}, {p_text(change['p'])}, n = {change['n']}"
     return Finding(claim, shown, f"{shares}; {test}")
+
+
+def _points(share: Mapping[str, float]) -> str:
+    return percentage_points(share["low"], share["high"]).replace("-", "\N{MINUS SIGN}")
 
 
 def _height_finding(start: str, heights: Mapping[str, Any]) -> Finding:

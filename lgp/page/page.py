@@ -6,7 +6,7 @@ import hashlib
 import json
 import shutil
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import cache
@@ -111,7 +111,7 @@ def _facts(plan: Plan, animation: SceneAnimation, lines: tuple[Instruction, ...]
             {
                 "text": line.text,
                 "you": line.you,
-                "who": line.who,
+                "who": " and ".join(dict.fromkeys(one.who for one in (line, *line.beside) if one.you)),
                 "frame": animation.frames.index(line.object_name),
                 "radius": max(RING, round(0.6 * max(plan.scene.objects[line.object_name].size), 3)),
             }
@@ -135,7 +135,7 @@ def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str)
         labels=plan.actions,
         lead=_lead(plan.scene, len(lines)),
         people=_people(plan),
-        marks=[100.0 * number / len(lines) for number in range(len(lines))],
+        marks=_marks(plan.durations),
         levels=[(risk(level), colour) for level, colour in enumerate(LEVEL_COLOURS)],
         seconds=total,
         scripts=SCRIPTS,
@@ -145,6 +145,17 @@ def _html(plan: Plan, lines: tuple[Instruction, ...], pictures: bool, data: str)
         assets=ASSETS,
         pictures=PICTURES if pictures else "",
     )
+
+
+def _marks(durations: Sequence[float]) -> list[tuple[float, float]]:
+    """Return where each step begins on the ribbon and how wide it is [%]: over the scores of its time.
+
+    >>> _marks((2.0, 6.0))
+    [(0.0, 25.0), (25.0, 75.0)]
+    """
+    ends = 100.0 * np.cumsum(durations) / sum(durations)
+    starts = np.append(0.0, ends[:-1])
+    return [(round(start, 3), round(end - start, 3)) for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
 
 
 def _lead(scene: Scene, steps: int) -> str:

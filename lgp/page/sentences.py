@@ -71,13 +71,16 @@ def _within(line: Instruction) -> str:
 def humanised(name: str) -> str:
     """Return a name of a plan in words.
 
-    >>> humanised("toolbox/side.left"), humanised("table.start"), humanised("right_hand")
-    ('left toolbox side', 'start table', 'right hand')
+    >>> humanised("toolbox/side.left"), humanised("table.stock"), humanised("table.bench"), humanised("right_hand")
+    ('left toolbox side', 'stock table', 'bench', 'right hand')
     """
     if name in table()["names"]:
         return str(table()["names"][name])
     words = [word for word in re.split(r"[/._\s-]+", name) if word]
     words = [part for word in words for part in re.sub(r"(?<=[a-z])(?=[A-Z0-9])", " ", word).split()]
+    if words[:1] == ["table"] and len(words) > 1:
+        itself = set(table()["words"]["furniture"]).intersection(words)
+        words = [*words[1:], *([] if itself else ["table"])]
     first = [word for word in words if word in table()["words"]["first"]]
     return " ".join([*first, *(word for word in words if word not in first)])
 

@@ -8,6 +8,7 @@ import click
 from rich.table import Table
 
 from lgp.defaults import COST
+from reba.analysis.wording import moment as time_of
 from reba.command_line import SECONDS, Command, Number, command_line, json_option, output_file, print_json
 from reba.scoring_options import options_of, scoring_options
 from reba.terminal import Console, Text, console
@@ -75,7 +76,7 @@ def show_workplace(to: Console, moved: Any) -> None:
     from lgp.workplace import wording
 
     for moment in moved.moments:
-        to.print(Text(f"at {moment.time:.1f} s: {wording.result(moment)}", "bold"))
+        to.print(Text(f"at {time_of(moment.time)}: {wording.result(moment)}", "bold"))
         to.print(Text(f"hands now: {wording.where(moment.here)}"))
         table = Table(title="REBA by height and distance of the hands [cm]; * now, ! best", title_justify="left")
         for title in ("height", *(f"{100 * place.distance:.0f}" for place in moment.grid[0])):

@@ -246,7 +246,8 @@ def _moment(
         grid,
         sideways,
         here,
-        min(sideways, key=lambda place: place.order),
+        # To a side only where that lowers the score, and no farther than it takes.
+        min(sideways, key=lambda place: (place.order[0], abs(place.moved[1]), place.order)),
     )
 
 

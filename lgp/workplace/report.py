@@ -10,6 +10,7 @@ import numpy as np
 from lgp.workplace import wording
 from lgp.workplace.improvement import MovedSurface, MovedWorkplace
 from lgp.workplace.postures import Place, Posture
+from reba.analysis.wording import moment as time_of
 from reba.files import write_atomic, write_text
 from reba.method.tables import ACTION_LEVELS, LEVEL_OF, PART_MAXIMA
 from reba.outputs import FileOutput, check_outputs
@@ -61,6 +62,7 @@ def _section(moment: MovedSurface) -> dict[str, Any]:
         postures.append((f"Surface {wording.move(moment.best)}", moment.proposed))
     return {
         "moment": moment,
+        "time": time_of(moment.time),
         "result": wording.result(moment),
         "nearness": wording.nearness(moment),
         "here": wording.where(moment.here),

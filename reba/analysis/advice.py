@@ -84,7 +84,7 @@ class Advice:
         total: scored time [s].
         seconds, medium: (low, high) time at `at_least` or above, and at medium risk or above, as recorded [s].
         single: every change by itself that takes some of it away, best first.
-        pair, triple: the best two and three together, None where they are no better than fewer.
+        pair, triple: the best two and three together, None where they are no better than fewer, as figures are printed.
     """
 
     at_least: int
@@ -190,8 +190,13 @@ def _advise_from(
             best[n] = sets[0]
     single = [_action(ends, level, steps) for key, *_, steps in ranked[1] if key < before[0]]
     several = {n: _action(ends, level, best[n][-1]) for n in best if n > 1}
-    seen = {n: one for n, one in several.items() if advice.is_seen(one)}
     single = [one for one in single if advice.is_seen(one)]
+    seen: dict[int, Action] = {}
+    shown = [advice.seconds, *(one.seconds for one in single[:1])]
+    for n, one in several.items():
+        if time_text(one.seconds) not in map(time_text, shown):
+            seen[n] = one
+            shown.append(one.seconds)
     return replace(advice, single=tuple(single), pair=seen.get(2), triple=seen.get(3))
 
 

@@ -81,8 +81,9 @@ def verdict(
     else:
         lasting = f"no time at REBA {HIGH} or more"
     parts = [f"90th percentile REBA {both(str(low), str(high))}", lasting]
-    if worst_times:
-        parts.append("worst at " + ", ".join(_moment(time, total) for time in worst_times[:NAMED]))
+    named = _worst(scores, worst_times, ends[1], time_high[1] > 0)
+    if named:
+        parts.append("worst at " + ", ".join(_moment(time, total) for time in named))
     if causes:
         some = causes[:NAMED]
         label = "main cause" if len(some) == 1 else "main causes, equal"
@@ -96,6 +97,14 @@ def verdict(
         "causes": causes,
         "parts": groups,
     }
+
+
+def _worst(scores: ScoreTable, times: Sequence[float], high: NDArray[np.int64], at_risk: bool) -> list[float]:
+    """Return those of the first times that the verdict names: where there is high risk, the ones that may be at it."""
+    first = list(times[:NAMED])
+    rows = np.minimum(np.searchsorted(scores.time, first), len(scores.time) - 1)
+    reach = [time for time, row in zip(first, rows, strict=True) if high[row] >= HIGH] if at_risk else []
+    return reach or first
 
 
 def _time(value: float) -> str:

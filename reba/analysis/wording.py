@@ -39,6 +39,18 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}\xa0%" if share == 0 or share >= 0.0995 else f"{100 * share:.1f}\xa0%"
 
 
+def percentage_points(low: float, high: float) -> str:
+    """Return a difference of shares, or both ends of its range, as text.
+
+    >>> percentage_points(0.318, 0.318), percentage_points(-0.005, 0.0213)
+    ('+32 percentage points', '-0.5 to +2.1 percentage points')
+    """
+    digits = 0 if max(abs(low), abs(high)) >= 0.0995 else 1
+    ends = (f"{100 * end:+.{digits}f}" for end in (low, high))
+    shown = (end.lstrip("+-") if not float(end) else end for end in ends)
+    return f"{both(*shown)} percentage points"
+
+
 def span(low: float | None, high: float | None, digits: int = 0) -> str:
     """Return a range as text, "4 to 8", or one number if both ends are equal; "not known" for None.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reba.analysis.wording import both, percent, seconds, span
+from reba.analysis.wording import both, percent, percentage_points, seconds, span
 from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS, LEVEL_OF
 from reba.report.labels import PARTS, body_parts
@@ -37,13 +37,14 @@ def compared_figures(a: RecordingSummary, b: RecordingSummary) -> list[ComparedF
         ends = [(one.summary["range"][f"{key}_low"], one.summary["range"][f"{key}_high"]) for one in (a, b)]
         rows.append(_figure(f"REBA, {name.lower()}", ends[0], ends[1], _points if key == "mean" else span))
     high = f"Time at REBA {ACTION_LEVEL_FROM[3]} or more"
-    rows.append(_figure(high, _time_from(a), _time_from(b), lambda low, up: both(seconds(low), seconds(up))))
-    rows.append(_figure(f"{high}, share", _share_from(a), _share_from(b), _percents))
+    # Seconds of recordings of different length are not judged: their share is.
+    rows.append(_figure(high, _time_from(a), _time_from(b), _times, judged=False))
+    rows.append(_figure(f"{high}, share", _share_from(a), _share_from(b), _percents, percentage_points))
     for level in reversed(range(len(ACTION_LEVELS))):
         name = f"At {ACTION_LEVELS[level][0]} risk"
-        rows.append(_figure(name, _share_at(a, level), _share_at(b, level), _percents, judged=False))
-    unknown = [seconds_of_levels(one, "reba")[None] / one.seconds for one in (a, b)]
-    rows.append(_figure("Not determined", (unknown[0],) * 2, (unknown[1],) * 2, _percents, judged=False))
+        rows.append(_figure(name, _share_at(a, level), _share_at(b, level), _percents, percentage_points, judged=False))
+    unknown = [(seconds_of_levels(one, "reba")[None] / one.seconds,) * 2 for one in (a, b)]
+    rows.append(_figure("Not determined", unknown[0], unknown[1], _percents, percentage_points, judged=False))
     for part, title in PARTS.items():
         means = [
             tuple(float(np.average(end[part], weights=one.weights)) for end in (one.ends.low, one.ends.high))
@@ -84,12 +85,26 @@ def _percents(low: float, high: float) -> str:
     return both(percent(low), percent(high))
 
 
-def _figure(name: str, a: Ends, b: Ends, text: Callable[[float, float], str], *, judged: bool = True) -> ComparedFigure:
+def _times(low: float, high: float) -> str:
+    return both(seconds(low), seconds(high))
+
+
+def _figure(
+    name: str,
+    a: Ends,
+    b: Ends,
+    text: Callable[[float, float], str],
+    change: Callable[[float, float], str] | None = None,
+    *,
+    judged: bool = True,
+) -> ComparedFigure:
+    """Return a row; `change` is the text of a difference where that of the figures does not fit it."""
     low, high = b[0] - a[1], b[1] - a[0]
     signs = [_signed(end, text) for end in (low, high)]
     same = text(0.0, 0.0) in signs  # also what rounds to no difference
     better = 0 if not judged or same or low <= 0 <= high else (1 if high < 0 else -1)
-    return ComparedFigure(name, text(*a), text(*b), both(*signs), better)
+    difference = both(*signs) if change is None else change(low, high).replace("-", "−")
+    return ComparedFigure(name, text(*a), text(*b), difference, better)
 
 
 def _signed(value: float, text: Callable[[float, float], str]) -> str:

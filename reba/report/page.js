@@ -54,7 +54,7 @@
       segment.className = row.dataset.level === "open" ? "open" : `l${row.dataset.level}`;
       return segment;
     });
-    bar.replaceChildren(...segments);
+    bar.replaceChildren(...[...segments].reverse()); // lowest level first, as in the other bars
     const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 8;
     const lasting = (time) => {
       const whole = Math.floor(time);

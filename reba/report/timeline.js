@@ -12,6 +12,12 @@ const Timeline = (() => {
     const low = unpack.small(packed.low);
     return { low, high: packed.high ? unpack.small(packed.high) : low };
   };
+  // As the report writes times of a recording, with hundredths.
+  const moment = (time) => {
+    if (time < 120) return `${time.toFixed(2)} s`;
+    const [hours, minutes] = [Math.floor(time / 3600), Math.floor(time / 60) % 60];
+    return `${hours ? `${hours} h ` : ""}${minutes} min ${(time % 60).toFixed(2).padStart(5, "0")} s`;
+  };
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
   class Explorer {
@@ -373,7 +379,7 @@ const Timeline = (() => {
       const level = this.levels.find(([low, high]) => this.totals.reba.low[i] >= low && this.totals.reba.low[i] <= high);
       const top = this.levels.find(([low, high]) => this.totals.reba.high[i] >= low && this.totals.reba.high[i] <= high);
       const risk = level === top ? level[3] : `${level[3]} to ${top[3]}`;
-      const text = `${now.toFixed(2)} s: REBA ${span(this.totals.reba)} (${risk.toLowerCase()}), left ${span(this.totals.reba_left)}, right ${span(this.totals.reba_right)}`;
+      const text = `${moment(now)}: REBA ${span(this.totals.reba)} (${risk.toLowerCase()}), left ${span(this.totals.reba_left)}, right ${span(this.totals.reba_right)}`;
       this.readout.textContent = text;
       this.slider.setAttribute("aria-valuenow", now.toFixed(2));
       this.slider.setAttribute("aria-valuetext", text);

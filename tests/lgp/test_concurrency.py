@@ -222,7 +222,7 @@ def test_a_robot_fetches_the_next_part_while_the_person_screws(tmp_path: Path) -
     assert said["at_the_same_time"]["cost"] < 0.95 * said["one_at_a_time"]["cost"]
     plan.save(tmp_path / "plan")
     text = lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False).read_text()
-    assert "At the same time, the robot picks up the part from the table stock." in text
+    assert "At the same time, the robot picks up the part from the stock table." in text
     summary = lgp.run_plan(tmp_path / "plan")
     assert summary["state"] == "finished", summary["why"]
     assert tuple(summary["actions"]) == plan.actions

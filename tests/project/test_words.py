@@ -26,6 +26,8 @@ TEXT = re.compile(
     re.IGNORECASE,
 )
 """Words that no docstring, comment, message, page or template contains."""
+SPELLING = re.compile(r"\b(centre|colour)\w*", re.IGNORECASE)
+"""Spellings that no page has: one of each is enough."""
 PACKAGES = ("reba", "dreba", "lgp")
 ROOMS = sorted(
     {"/".join(path.relative_to(ROOT).parts[:-1][:2]) for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
@@ -108,3 +110,8 @@ def files_of(room: str) -> list[Path]:
 def test_pages_are_words_of_the_field(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert [match.group() for match in coined_words(text) if page.stem != "glossary"] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_pages_have_one_spelling(page: Path) -> None:
+    assert SPELLING.findall(re.sub(r"`[^`]*`", "", page.read_text(encoding="utf-8"))) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -187,6 +188,7 @@ def test_compare_shows_the_difference(run: Run) -> None:
     code, out, _ = run("compare", ASSEMBLY, PALLETS)
     assert code == 0
     assert "time at medium" in out
+    assert re.search(r"time at medium .*[+-]\d+ percentage points", out)
 
 
 def test_info_and_profiles(run: Run) -> None:

@@ -57,6 +57,7 @@ def test_no_word_is_cut(
     _, narrow = output(monkeypatch, capsys, "reba", *command)
     assert "\u2026" not in narrow
     assert all(len(line) <= 80 for line in narrow.splitlines())
+    assert not re.search(r"\d *\n *(%|s|min|deg|degrees|kg|cm)\b", narrow), "a number stands apart from its unit"
     # A wide terminal has the names of recordings as headings and labels, a narrow one numbers and letters.
     assert words_of(wide) - words_of(narrow) <= {"recording"}
 
@@ -75,6 +76,24 @@ def test_a_name_alone_prints_readable_help(
     for name, command in GROUPS[group].commands.items():
         assert any(line.split()[:1] == [name] for line in lines)
         assert isinstance(command, click.Command)
+
+
+@pytest.mark.parametrize("width", range(30, 90, 3))
+@pytest.mark.parametrize("make", [str, Text])
+def test_a_number_stays_with_its_unit(width: int, make: type) -> None:
+    text = (
+        "High risk. 90th percentile REBA 9; 15 s (9 %) at REBA 8 or more; worst at 28 s, 65 s, 2 min 20 s; over 60 deg"
+    )
+    whole = ("REBA 9;", "15 s", "(9 %)", "REBA 8", "28 s,", "65 s,", "2 min 20 s;", "60 deg")
+    table = Table("what")
+    table.add_row(make(text))
+    for one in (make(text), table):
+        stream = io.StringIO()
+        Console(file=stream, width=width).print(one)
+        shown = stream.getvalue()
+        assert all(part in shown for part in whole), shown
+        assert all(len(line) <= width for line in shown.splitlines())
+        assert " ".join(re.sub(r"[│┃]", " ", shown).split()).count("worst at") == 1
 
 
 def printed(table: Table, width: int) -> str:

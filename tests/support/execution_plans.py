@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from lgp.execution.faults import parse_fault
 from lgp.execution.session import ExecutionRun, RunOptions
 from lgp.execution.worker import EXACT
 
+CODED = re.compile(r"[a-z]\.[a-z]|_|\w\(")
+"""What the name of a hand or table, or an action as a plan prints it, has in it."""
 SEQUENCE = (
     "grasp(baxter.right, screwdriver)",
     "place(baxter.right, screwdriver, table.left)",
@@ -33,11 +36,14 @@ def saved(folder: Path) -> Path:
 
 
 def went(folder: Path, *faults: str, **more: Any) -> tuple[dict[str, Any], list[Event]]:
-    """Run the plan in a folder as fast as possible; return the summary and all events."""
+    """Run the plan in a folder as fast as possible; return the summary and all events, which are in words."""
     events: list[Event] = []
     chosen = {"speed": 0.0, "compare": False, "behaviour": EXACT, **more}
     run = RunOptions(faults=tuple(map(parse_fault, faults)), **chosen)
-    return ExecutionRun(folder, run, events.append).go(), events
+    summary = ExecutionRun(folder, run, events.append).go()
+    coded = [event.text for event in events if CODED.search(event.text)]
+    assert not coded, "people read the texts of events"
+    return summary, events
 
 
 def kinds(events: list[Event]) -> list[str]:

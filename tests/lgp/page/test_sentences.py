@@ -78,5 +78,9 @@ def test_every_kind_of_action_has_words(kind: str, actor: str, robots: tuple[str
 def test_names_are_humanised() -> None:
     names = ["tableCenter", "toolbox/side.left", "table.start", "right_hand", "box"]
     assert [humanised(name) for name in names] == [
-        "table Center", "left toolbox side", "start table", "right hand", "box",
+        "Center table", "left toolbox side", "start table", "right hand", "box",
+    ]  # fmt: skip
+    tables = ["table.stock", "table.bench", "table.top_shelf", "table.shelf.left", "table.left", "table.in", "table"]
+    assert [humanised(name) for name in tables] == [
+        "stock table", "bench", "top shelf", "left shelf", "left table", "incoming table", "table",
     ]  # fmt: skip

@@ -51,6 +51,12 @@ def test_low_work_is_raised(moved):
     says(result(moment), f"REBA {moment.measured.reba}", f"REBA {moment.proposed.reba}", "higher")
 
 
+def test_the_surface_goes_to_a_side_only_where_that_lowers_the_score(moved):
+    (moment,) = moved.moments
+    straight = min(place.posture.reba for row in moment.grid for place in row if place.posture is not None)
+    assert moment.best.moved[1] == 0.0 or moment.proposed.reba < straight
+
+
 def test_places_are_those_of_the_grid(moved):
     (moment,) = moved.moments
     heights = [row[0].height for row in moment.grid]

@@ -60,6 +60,17 @@ def test_the_cause_is_named_by_its_class(angles: dict[str, float], factors: dict
     assert cause in text_of(still(20, **angles), **factors)
 
 
+def test_times_below_high_risk_are_not_named_beside_it() -> None:
+    frames = still(200, trunk_flexion=30.0)
+    bent = np.repeat([0.0, 1.0, 0.0, 0.5, 0.0], 40)
+    frames["trunk_flexion"] = 10.0 + 60.0 * bent
+    frames["upper_arm_flexion_left"] = 100.0 * (bent == 1.0)
+    frames["knee_flexion_left"] = 70.0 * (bent == 1.0)
+    found = re.search(r"at REBA 8 or more; worst at ([\d., s]+);", text_of(frames, load=12.0))
+    assert found is not None
+    assert len(found[1].split(",")) == 1, found[1]
+
+
 def test_without_high_risk_the_pattern_stays() -> None:
     text = text_of(still(20, trunk_flexion=30.0, neck_flexion=30.0))
     assert re.fullmatch(

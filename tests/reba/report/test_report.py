@@ -531,10 +531,21 @@ def test_a_comparison_has_every_figure_with_what_is_open() -> None:
     assert rows["REBA, mean"].change == f"−{-low:.2f} to +{high:.2f}"
     assert rows["REBA, mean"].better == 0, "the ranges overlap"
     assert rows["Trunk, mean score"].better == 1
+    assert rows["At high risk"].change.endswith(" percentage points")
+    assert "%" not in rows["At high risk"].change
     assert rows["Neck, mean score"].change == "0.00" or "to" in rows["Neck, mean score"].change
     text = _Page(render([a.scores, b.scores])).text
     assert "B minus A" in text
     assert compared_figures(a, summarise(scored(frames(0)))) == []
+
+
+def test_fewer_seconds_of_a_shorter_recording_are_not_better() -> None:
+    bent = frames(400, without="^$").assign(trunk_flexion=70.0, neck_flexion=40.0, knee_flexion_left=70.0)
+    whole, part = (summarise(scored(bent[:n], f"{n}.csv")) for n in (400, 100))
+    rows = {row.name: row for row in compared_figures(whole, part)}
+    seconds = rows["Time at REBA 8 or more"]
+    assert seconds.change.startswith("−")
+    assert seconds.better == 0
 
 
 def test_what_makes_a_comparison_hard_is_said() -> None:

@@ -58,6 +58,9 @@ def test_drawn_without_errors_and_without_sideways_scrolling(browser: Any, repor
     assert visible(browser, "canvas.shared") == 2, "the comparison fits the screen"
     assert inked(browser, "canvas.shared") > 200
     assert too_wide(browser) <= 0
+    cut = "(e) => e.getClientRects().length && e.scrollWidth > e.clientWidth + 1"
+    code = f"return [...document.querySelectorAll('.bar i')].filter({cut}).map((e) => e.textContent)"
+    assert browser.execute_script(code) == [], "labels of spans too narrow for them"
     entries = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
     assert entries == []
     assert complaints(browser) == []
@@ -178,6 +181,10 @@ def test_assumptions_change_the_shares(browser: Any, report: Path) -> None:
     said = browser.execute_script("return document.querySelector('#r1 .outcome').textContent")
     assert said.startswith(f"REBA 8 or more: {low}")
     assert high in said
+    spans = "return [...document.querySelectorAll(arguments[0])].map((e) => e.className).filter((e) => e !== 'open')"
+    for bar in ("#r1 .what-if .bar i", "#r1 .levelbars:not(.errorbars) .bar:first-of-type i"):
+        names = browser.execute_script(spans, bar)
+        assert names == sorted(names), "the lowest level comes first in every bar"
 
 
 def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
