@@ -351,6 +351,8 @@ def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     highest = PART_MAXIMA[name]
     try:
         values = np.asarray(value)
+        if np.iscomplexobj(values):
+            raise TypeError("NumPy would drop the imaginary part")
         with np.errstate(invalid="ignore"):  # NaN and infinity become some integer, which the comparison refuses
             integers = values.astype(np.int64)
         fits = bool(np.all((integers == values) & (integers >= lowest) & (integers <= highest)))
