@@ -142,8 +142,6 @@ class Domain:
         Raises:
             DomainError: an unknown column.
         """
-        if isinstance(joints, str) or not isinstance(joints, Iterable):
-            raise DomainError(f"joints are {shown(joints)}; expected a list of columns")
         moving = columns_named(joints, DomainError)
         return self.hold(**{column: best for column, best in BEST.items() if column not in moving})
 

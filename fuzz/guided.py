@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import random
 import sys
+import time
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -30,8 +31,8 @@ def corpus_folder(folder: Path, name: str, seed: int) -> Path:
     return folder / "corpus" / f"{name}-{seed}"
 
 
-def work(folder: Path, name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
-    """Test inputs one after another; send the number before each, its result after it, and the memory at the end."""
+def work(folder: Path, seconds: float, name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
+    """Test inputs one after another, for at most some seconds; report as `check.work` does."""
     import atheris
 
     target = TARGETS[name]
@@ -48,10 +49,11 @@ def work(folder: Path, name: str, seed: int, numbers: range, memory: int, pipe: 
     before = peak()
     limit(memory)
     left = iter(numbers)
+    end = time.monotonic() + seconds
 
     def use(data: bytes) -> None:
         number = next(left, None)
-        if number is None:
+        if number is None or time.monotonic() > end:
             pipe.send((-1, peak() - before))
             pipe.close()
             os._exit(0)  # libFuzzer has no other end that leaves out its report
@@ -76,5 +78,7 @@ def work(folder: Path, name: str, seed: int, numbers: range, memory: int, pipe: 
     options = [f"-seed={seed + numbers.start + 1}", f"-max_len={mutate.LONGEST}", "-len_control=0"]
     # The parent limits the time, and `limit` the memory, as for all inputs.
     options += ["-timeout=1000000", "-rss_limit_mb=0", "-malloc_limit_mb=0"]
+    # Inputs that end the process (crash-...) would else be in the current folder.
+    options.append(f"-artifact_prefix={folder}/")
     atheris.Setup([sys.argv[0], *options, str(corpus)], use, custom_mutator=change)
     atheris.Fuzz()

@@ -153,6 +153,9 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--engine", choices=["mutations", "atheris"], default="mutations", help="source of the inputs")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="that one input may take")
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="most that a target gets of atheris; fewer inputs then"
+    )
     parser.add_argument("--targets", nargs="+", choices=list(TARGETS), default=list(TARGETS), metavar="NAME")
     parser.add_argument("--only", type=int, help="number of one input to use again")
     parser.add_argument("--replay", type=Path, help="file to use again")
@@ -168,7 +171,7 @@ def main() -> int:
         if importlib.util.find_spec("atheris") is None:
             parser.error("atheris is not installed; it is part of pip install '.[dev]' on Linux")
         options.save.mkdir(parents=True, exist_ok=True)
-        engine = functools.partial(guided.work, options.save)
+        engine = functools.partial(guided.work, options.save, options.minutes * 60)
     began = time.monotonic()
     tallies = run(options.targets, options.seed, options.inputs, options.jobs, options.seconds, engine)
     print(show(tallies, time.monotonic() - began))

@@ -5,7 +5,7 @@ plan -> world + attachments of every object (`ModeSequence`) -> poses per slice
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +22,16 @@ from lgp.plan_record import Plan
 from lgp.planner import parse_sequence, task_of
 from lgp.scene.model import Human
 from reba.arrays import Array
+from reba.checks import TEXT, Allowed, accepts, instance
+
+_NAMES = Allowed(
+    "a list of names of frames",
+    lambda given: (
+        isinstance(given, Collection)
+        and not isinstance(given, str | bytes)
+        and all(isinstance(name, str) for name in given)
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -52,6 +62,11 @@ class Motion:
         LgpError: the plan has no motion, or its actions are not those of its scene.
     """
 
+    @accepts(
+        LgpError,
+        plan=instance("a plan, as lgp.plan returns it", Plan),
+        world=instance("the kinematics of its scene, lgp.World(scene)", World).or_none(),
+    )
     def __init__(self, plan: Plan, world: World | None = None) -> None:
         if not plan.feasible:
             raise LgpError(
@@ -73,7 +88,8 @@ class Motion:
         self.phase = np.concatenate([np.zeros(1, np.intp), plan.phase])
         self.path = np.concatenate([plan.start[None], plan.path])
 
-    def frames(self, names: Iterable[str]) -> dict[str, PoseTrajectory]:
+    @accepts(LgpError, names=_NAMES)
+    def frames(self, names: Collection[str]) -> dict[str, PoseTrajectory]:
         """Return frame -> poses, for frames such as `baxter.right` or `human.head`.
 
         Raises:
@@ -85,6 +101,7 @@ class Motion:
             for name, at in kinematics.index.items()
         }
 
+    @accepts(LgpError, name=TEXT)
     def object_poses(self, name: str) -> PoseTrajectory:
         """Return the poses of an object; those of its attachments before and after agree in the slice of a switch.
 
@@ -111,6 +128,7 @@ class Motion:
             raise LgpError(f"{self.world.scene.name}: the scene has no human; add a [human] table")
         return self.joints_of(person)
 
+    @accepts(LgpError, person=instance("a person of the scene, such as one of scene.humans", Human))
     def joints_of(self, person: Human) -> dict[str, Array]:
         """Return joint -> (T + 1,) value [rad, m] of all 41 joints of a person, solved legs included."""
         return human_joints(self.world, self.path, person)

@@ -87,10 +87,17 @@ def has(expected: str, *attributes: str) -> Allowed:
     return Allowed(expected, lambda value: all(hasattr(value, name) for name in attributes))
 
 
+def _names_a_file(value: Any) -> bool:
+    if not isinstance(value, str | os.PathLike) or value == "":
+        return False
+    try:
+        return b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:  # half of a pair of UTF-16
+        return False
+
+
 TEXT: Final = Allowed("a text", lambda value: isinstance(value, str))
-PATH: Final = Allowed(
-    "a path, as text or pathlib.Path", lambda value: isinstance(value, str | os.PathLike) and value != "", from_home
-)
+PATH: Final = Allowed("a path, as text or pathlib.Path", _names_a_file, from_home)
 PATHS: Final = Allowed(
     "a path, or a list of the files of one recording",
     lambda value: PATH.fits(value) or (isinstance(value, list | tuple) and all(map(PATH.fits, value))),
@@ -142,6 +149,7 @@ def accepts(
 
     def decorate(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
         signature = inspect.signature(function)
+        called = function.__name__ if function.__name__ != "__init__" else function.__qualname__.split(".")[-2]
 
         @functools.wraps(function)
         def checked(*args: _Given.args, **kwargs: _Given.kwargs) -> _Result:
@@ -152,7 +160,7 @@ def accepts(
             given = bound.arguments
             for name, rule in allowed.items():
                 if name in given and not rule.fits(given[name]):
-                    raise error(f"{function.__name__}: {name} is {shown(given[name])}; expected {rule.expected}")
+                    raise error(f"{called}: {name} is {shown(given[name])}; expected {rule.expected}")
                 if name in given and rule.given_as is not None:
                     given[name] = rule.given_as(given[name])
             return function(*bound.args, **bound.kwargs)

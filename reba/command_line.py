@@ -120,6 +120,16 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def tell_notes(*recordings: Any) -> None:
+    """Say on standard error what the reader noticed of recordings, what several have in common once.
+
+    Args:
+        recordings: posture tables.
+    """
+    for note in dict.fromkeys(note for one in recordings for note in one.quality.notes()):
+        echo(f"note: {note}", err=True)
+
+
 def page_command(program: str) -> str:
     """Return the command line as pages show it that name no recordings: paths are cut to their last part."""
     return shlex.join([program, *map(word_without_folder, sys.argv[1:])])

@@ -76,13 +76,13 @@ def _one_line(text: str) -> str:
     return printable(re.sub(r"\s*[\r\n]+\s*", " ", text))
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: object, known: Iterable[str]) -> str:
     """Return "; did you mean 'x'?" for the nearest known name, or an empty string.
 
     >>> did_you_mean("trunk_flexoin", ["trunk_flexion", "neck_flexion"])
     "; did you mean 'trunk_flexion'?"
     """
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.75)
+    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.75)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 

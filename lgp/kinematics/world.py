@@ -22,8 +22,9 @@ from lgp.kinematics.leg_ik import rest_posture
 from lgp.kinematics.planar_joints import BASE
 from lgp.kinematics.robot import Coupling, JointedModel, locked_model, robot_model
 from lgp.scene.joint_units import JointUnit, unit_of
-from lgp.scene.model import Agent, Human, Robot, Scene
+from lgp.scene.model import SCENE, Agent, Human, Robot, Scene
 from reba.arrays import Array, Indices
+from reba.checks import accepts
 from reba.errors import did_you_mean
 from reba.posture.columns import SIDES
 
@@ -115,6 +116,7 @@ class World:
         (1, 3)
     """
 
+    @accepts(WorldError, scene=SCENE)
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.model = pin.Model()

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lgp.defaults import TIME_WEIGHT
-from lgp.scene.model import Scene
+from lgp.errors import LgpError
+from lgp.scene.model import SCENE, Scene
 from reba.arrays import Array, Indices
+from reba.checks import COUNT, NOT_NEGATIVE, accepts, shown
 
 
 @dataclass(frozen=True)
@@ -126,13 +128,22 @@ class Weights:
         acceleration: per rad^2/s^3 (m^2/s^3 for slides).
         ergonomics: per score point and second.
         time: per second.
+
+    Raises:
+        LgpError: a weight is no number, or negative.
     """
 
     acceleration: float = 1.0
     ergonomics: float = 1.0
     time: float = TIME_WEIGHT
 
+    def __post_init__(self) -> None:
+        for name, weight in vars(self).items():
+            if not NOT_NEGATIVE.fits(weight):
+                raise LgpError(f"weight of {name} is {shown(weight)}; expected {NOT_NEGATIVE.expected}")
+
     @classmethod
+    @accepts(LgpError, scene=SCENE, slices=COUNT.or_none())
     def of(cls, scene: Scene, slices: int | None = None) -> Weights:
         """Return those that a scene states, with these slices per phase, its own by default."""
         return cls(ergonomics=scene.ergonomic_weight(slices), time=scene.cost.time_weight)

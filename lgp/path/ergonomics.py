@@ -15,6 +15,7 @@ from lgp.kinematics.posture import PostureMap
 from lgp.kinematics.world import World
 from lgp.scene.model import Human
 from reba.arrays import Array, Flags, Indices
+from reba.checks import accepts, has, instance, one_of
 from reba.posture.columns import COLUMNS, INDEX
 
 Payload = Literal["linear", "model"]
@@ -49,9 +50,13 @@ class Ergonomics:
         WorldError: the world has no human.
     """
 
+    @accepts(
+        LgpError,
+        world=instance("the kinematics of a scene, lgp.World(scene)", World),
+        model=has("a fitted surrogate, such as dreba.load returns", "joints_", "temperatures_"),
+        payload=one_of(*PAYLOADS),
+    )
     def __init__(self, world: World, model: Surrogate, payload: Payload = "linear") -> None:
-        if payload not in PAYLOADS:
-            raise LgpError(f"payload is {payload!r}, expected one of {', '.join(PAYLOADS)}")
         unknown = [name for name in model.joints_ if name not in INDEX]
         if unknown:
             raise LgpError(

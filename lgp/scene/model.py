@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from lgp.defaults import COST, SCENE_COST, TIME_WEIGHT
 from lgp.errors import SceneError
+from reba.checks import COUNT, Allowed, accepts, has, instance, is_finite
 from reba.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -246,6 +247,17 @@ HAND_CLEARANCE = 0.06
 """[m] Distance of the grip points of two hands by default (a choice: a palm and a gripper beside each other)."""
 
 
+_HEIGHTS = Allowed(
+    "a mapping of tables to heights [m]",
+    lambda given: (
+        isinstance(given, Mapping)
+        and all(isinstance(name, str) for name in given)
+        and all(map(is_finite, given.values()))
+    ),
+)
+_TIME_WEIGHT = Allowed("a number from 0 to 1000", lambda given: is_finite(given) and 0 <= given <= 1000)
+
+
 @dataclass(frozen=True)
 class SceneCost:
     """The ergonomic cost: a surrogate by name or path, and the weight of a score point for a second or a slice.
@@ -323,6 +335,7 @@ class Scene:
         """Every end-effector by full name, those of persons first."""
         return {hand.full: hand for agent in self.agents for hand in agent.hands}
 
+    @accepts(SceneError, slices=COUNT.or_none())
     def ergonomic_weight(self, slices: int | None = None) -> float:
         """Return the weight of a score point for a second, with these slices per phase, its own by default."""
         per_phase = (slices or self.slices) / self.phase_seconds
@@ -341,6 +354,7 @@ class Scene:
             | dict.fromkeys(self.objects, "thing")
         )
 
+    @accepts(SceneError, heights=_HEIGHTS)
     def with_heights(self, heights: Mapping[str, float]) -> Scene:
         """Return the scene with other table heights.
 
@@ -363,11 +377,17 @@ class Scene:
         written |= {name: {**entry, "height": tables[f"table.{name}"].height} for name, entry in written.items()}
         return replace(self, tables=tables, values={**self.values, "tables": written})
 
+    @accepts(SceneError, weight=_TIME_WEIGHT)
     def with_time_weight(self, weight: float) -> Scene:
-        """Return the scene with another cost of a second."""
+        """Return the scene with another cost of a second.
+
+        Raises:
+            SceneError: the cost is no number from 0 to 1000.
+        """
         cost = {**self.values.get("cost", {}), "time_weight": float(weight)}
         return replace(self, cost=replace(self.cost, time_weight=float(weight)), values={**self.values, "cost": cost})
 
+    @accepts(SceneError, rng=has("a random generator of NumPy", "uniform"))
     def draw_heights(self, rng: np.random.Generator) -> Scene:
         """Return the scene with every table height drawn uniformly from its range."""
         drawn = {
@@ -376,3 +396,7 @@ class Scene:
             if table.heights[1] > table.heights[0]
         }
         return self.with_heights(drawn)
+
+
+SCENE: Final = instance("a scene, such as lgp.load_scene returns", Scene)
+"""What public functions take as a scene."""

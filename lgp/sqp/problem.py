@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
 from reba.arrays import Array
+from reba.checks import COUNT, YES_NO, Allowed, is_number, shown
 from reba.errors import RebaError
 
 Values = tuple[float, Array, Array]
@@ -173,6 +174,14 @@ def _full_pattern(matrix: Array) -> sp.coo_matrix:
     return sp.coo_matrix((matrix.ravel(), (rows.ravel(), columns.ravel())), shape=matrix.shape)
 
 
+_RULES: Final = {
+    bool: YES_NO,
+    int: COUNT,
+    float: Allowed("a positive number", lambda value: is_number(value) and value > 0),
+}
+"""What an option may be, by the type of its default."""
+
+
 @dataclass(frozen=True)
 class SolverOptions:
     """Tolerances and limits of a solve; rows have the scale of the problem (metres, radians).
@@ -203,6 +212,6 @@ class SolverOptions:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not isinstance(value, bool) and not value > 0:
-                raise ProblemError(f"option {field.name}: {value} given, expected a positive number")
+            rule, value = _RULES[type(field.default)], getattr(self, field.name)
+            if not rule.fits(value):
+                raise ProblemError(f"option {field.name}: {shown(value)} given, expected {rule.expected}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numbers
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -10,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
-from reba.checks import instance
+from reba.checks import MOMENT, accepts, instance
 from reba.errors import PostureError
 from reba.method.distribution import ScoreDistribution
 from reba.method.measurement_error import MeasurementError
@@ -59,6 +58,7 @@ class ScoreTable:
         """(n, 22) degrees in the order of `reba.COLUMNS`, NaN = not measured."""
         return angles_of(self.postures.data)
 
+    @accepts(PostureError, time=MOMENT)
     def frame_at(self, time: float) -> int:
         """Return the row nearest to `time` [s].
 
@@ -66,8 +66,6 @@ class ScoreTable:
             PostureError: the time lies outside the recording.
         """
         stamps = self.time
-        if not isinstance(time, numbers.Real):
-            raise PostureError(f"time is {time!r}; expected seconds")
         if not len(stamps) or not stamps[0] - 0.5 <= time <= stamps[-1] + 0.5:
             span = f"{stamps[0]:g} to {stamps[-1]:g} s" if len(stamps) else "no frames"
             raise PostureError(f"time {time:g} s lies outside the recording ({span}); choose a time inside")

@@ -19,7 +19,7 @@ import numpy as np
 from reba.checks import is_number, shown
 from reba.errors import PostureError
 from reba.open_file import read_settings
-from reba.posture.columns import COLUMNS, COLUMNS_OF
+from reba.posture.columns import COLUMNS, COLUMNS_OF, columns_named
 from reba.toml_table import TomlTable
 
 MEASUREMENTS: Final = ("optical", "inertial", "multi-camera", "one-camera")
@@ -90,10 +90,14 @@ class MeasurementError:
         raise PostureError(f"error {shown(which)} is unknown; use one of {kinds}, or a file ending in .toml")
 
     def without(self, columns: Iterable[str]) -> MeasurementError:
-        """Return the record with some columns exact: flags that stand for angles have no error in degrees."""
-        exact = set(columns)
-        if not exact:
+        """Return the record with some columns exact: flags that stand for angles have no error in degrees.
+
+        Raises:
+            PostureError: a column is unknown.
+        """
+        if isinstance(columns, tuple | list) and not columns:
             return self
+        exact = columns_named(columns)
         sd, bias = (
             tuple(0.0 if column in exact else number for column, number in zip(COLUMNS, numbers, strict=True))
             for numbers in (self.sd, self.bias)

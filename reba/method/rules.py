@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from reba.checks import PATH, accepts, shown
+from reba.checks import PATH, accepts, is_number, shown
 from reba.errors import RulesError, did_you_mean
 from reba.files import write_atomic, write_text
 from reba.open_file import read_settings
@@ -161,21 +161,21 @@ _FLAGS: Final = ("seated_knees", "coupling_without_load")
 def _check(name: str, value: object) -> None:
     if name == "name":
         if not isinstance(value, str) or not value or not value.isprintable():
-            raise RulesError(f"rules name is {value!r}; expected a text of one line")
+            raise RulesError(f"rules name is {shown(value)}; expected a text of one line")
     elif name in _CHOICES:
-        if value not in _CHOICES[name]:
-            raise RulesError(f"{name} is {value!r}; expected one of {', '.join(_CHOICES[name])}")
+        if not isinstance(value, str) or value not in _CHOICES[name]:
+            raise RulesError(f"{name} is {shown(value)}; expected one of {', '.join(_CHOICES[name])}")
     elif name in _FLAGS:
         if not isinstance(value, bool):
-            raise RulesError(f"{name} is {value!r}; expected true or false")
+            raise RulesError(f"{name} is {shown(value)}; expected true or false")
     elif name == "walking_legs":
-        if value not in (1, 2) or isinstance(value, bool):
-            raise RulesError(f"walking_legs is {value!r}; expected 1 or 2")
+        if not is_number(value) or value not in (1, 2):
+            raise RulesError(f"walking_legs is {shown(value)}; expected 1 or 2")
     else:
         limit = _TOLERANCE_LIMITS.get(name, 1e6)
         number = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
         if number is None or not 0.0 <= number <= limit:
-            raise RulesError(f"{name} is {value!r}; expected a number from 0 to {limit:g}")
+            raise RulesError(f"{name} is {shown(value)}; expected a number from 0 to {limit:g}")
 
 
 def _build(fields: dict[str, Any], where: str) -> Rules:

@@ -349,8 +349,10 @@ def score_parts(
 def _integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
     lowest = 0 if name in ("load_force", "coupling", "activity") else 1
     highest = PART_MAXIMA[name]
-    values = np.asarray(value)
     try:
+        values = np.asarray(value)
+        if np.iscomplexobj(values):
+            raise TypeError("NumPy would drop the imaginary part")
         with np.errstate(invalid="ignore"):  # NaN and infinity become some integer, which the comparison refuses
             integers = values.astype(np.int64)
         fits = bool(np.all((integers == values) & (integers >= lowest) & (integers <= highest)))

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from reba.checks import shown
 from reba.errors import PostureError, did_you_mean
 
 SIDES: tuple[str, str] = ("left", "right")
@@ -105,12 +106,14 @@ def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) 
         >>> columns_named(["knee_flexion", "trunk_flexion"])
         ('trunk_flexion', 'knee_flexion_left', 'knee_flexion_right')
     """
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise error(f"columns are {shown(names)}; expected a list of names of reba.COLUMNS")
     selected: set[str] = set()
     for name in names:
-        columns = COLUMNS_OF.get(name, (name,))
-        if columns[0] not in INDEX:
-            near = did_you_mean(str(name), (*COLUMNS_OF, *COLUMNS))
-            raise error(f"column {name!r} is unknown{near}; expected names of reba.COLUMNS")
+        columns = COLUMNS_OF.get(name, (name,)) if isinstance(name, str) else ()
+        if not columns or columns[0] not in INDEX:
+            near = did_you_mean(name, (*COLUMNS_OF, *COLUMNS))
+            raise error(f"column {shown(name)} is unknown{near}; expected names of reba.COLUMNS")
         selected.update(columns)
     if not selected:
         raise error("no joint is named; expected columns such as trunk_flexion,knee_flexion")

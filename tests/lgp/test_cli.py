@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import dreba
 from lgp.cli import cli
 from lgp.errors import LgpError
+from tests.support.invoke import invoke
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 
@@ -41,7 +41,7 @@ def said(tmp_path: Path, *arguments: str, **changes: str) -> str:
     """Return the error of `lgp plan` for a changed scene."""
     scene = tmp_path / "bench.toml"
     scene.write_text(SCENE.format(**VALUES | changes))
-    done = CliRunner().invoke(cli, ["plan", str(scene), *(arguments or ("--no-ergonomics",))])
+    done = invoke(cli, ["plan", str(scene), *(arguments or ("--no-ergonomics",))])
     assert isinstance(done.exception, ValueError), done.output
     text = str(done.exception)
     assert "\n" not in text
@@ -64,7 +64,7 @@ def test_an_unknown_joint_names_the_nearest(tmp_path: Path) -> None:
 def test_a_goal_that_nothing_reaches_names_the_precondition(tmp_path: Path) -> None:
     scene = tmp_path / "held.toml"
     scene.write_text(SCENE.format(**VALUES).replace(', "free(human.right_hand)"', ""))
-    done = CliRunner().invoke(cli, ["plan", str(scene), "--no-ergonomics"])
+    done = invoke(cli, ["plan", str(scene), "--no-ergonomics"])
     assert isinstance(done.exception, LgpError)
     assert "free(human.right_hand)" in str(done.exception)
     assert "grasp" in str(done.exception)
@@ -86,7 +86,7 @@ def test_a_table_out_of_everyones_reach_says_so_for_every_hand(tmp_path: Path) -
     text = (SHIPPED / "screwdriver.toml").read_text().replace("position = [1.45, 0.90]", "position = [3.0, 2.0]")
     scene = tmp_path / "far.toml"
     scene.write_text(text)
-    done = CliRunner().invoke(cli, ["plan", str(scene), "--no-ergonomics"])
+    done = invoke(cli, ["plan", str(scene), "--no-ergonomics"])
     for hand in ("human.right_hand", "baxter.left", "baxter.right"):
         says(str(done.exception), f"{hand} cannot reach screwdriver on table.start: at least ")
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 import lgp
 from lgp.cli import cli
 from lgp.extensions import run_extension
 from lgp.kinematics import actions
+from tests.support.invoke import invoke
 from tests.support.says import says
 
 GOOD = """
@@ -33,7 +33,7 @@ def _registered() -> Iterator[None]:
 def test_a_command_runs_it_first(tmp_path: Path) -> None:
     file = tmp_path / "stir.py"
     file.write_text(GOOD)
-    done = CliRunner().invoke(cli, ["--extension", str(file), "scenes"])
+    done = invoke(cli, ["--extension", str(file), "scenes"])
     assert done.exit_code == 0, done.output
     assert actions.kind_of("stir") is not None
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 
 import lgp
 import reba
@@ -21,6 +20,7 @@ from lgp.planner import parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
 from lgp.search.tree_figure import draw
 from reba.provenance import parquet_provenance
+from tests.support.invoke import invoke
 from tests.support.lgp_worlds import HUMAN_ONLY, needs_robots, screwdriver_world
 from tests.support.robot_files import URDF
 from tests.support.says import says
@@ -144,7 +144,7 @@ def test_plan_of_the_screwdriver_from_the_command_line(tmp_path: Path) -> None:
     heights = [word for name, height in HEIGHTS.items() for word in ("--height", f"{name}={height}")]
     tree = tmp_path / "tree.svg"
     arguments = ["plan", "screwdriver", *heights, "--json", "-o", str(tmp_path / "plan"), "--tree", str(tree)]
-    done = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    done = invoke(cli, arguments, catch_exceptions=False)
     result = json.loads(done.stdout)
     assert result["feasible"] is True
     assert result["actions"][0] == "grasp(1, baxter.right, screwdriver)"
@@ -201,7 +201,7 @@ def test_sequences_are_checked() -> None:
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], message: str) -> None:
-    done = CliRunner().invoke(cli, arguments)
+    done = invoke(cli, arguments)
     assert isinstance(done.exception, reba.RebaError)
     assert message in str(done.exception)
     assert "\n" not in str(done.exception)

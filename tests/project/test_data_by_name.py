@@ -21,13 +21,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
-from click.testing import CliRunner
 
 import dreba
 import dreba.cli
 import reba
 import reba.cli
 from reba.posture.columns import COLUMNS
+from tests.support.invoke import invoke
 from tests.support.says import says
 
 N = 40
@@ -352,7 +352,7 @@ def test_commands_read_tables_by_name(name: str, tmp_path: Path, monkeypatch: py
     for data in (frames.assign(time=time), frames[order()].assign(time=time, id=7.0)):
         data.to_csv("walk.csv", index=False)
         arguments = ["walk.csv" if argument == "FILE" else argument for argument in ARGUMENTS[name]]
-        result = CliRunner().invoke(commands()[name], [*arguments, "--json"])
+        result = invoke(commands()[name], [*arguments, "--json"])
         assert result.exit_code == 0, result.output
         written = [pd.read_csv(path)[["time", *COLUMNS]] for path in Path().glob("out.csv")]
         written += [pd.read_parquet(path) for path in Path().glob("out.parquet")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -18,7 +19,7 @@ sys.path.insert(0, str(ROOT / "fuzz"))
 
 import guided
 import run as fuzz
-from check import Result, check
+from check import MEMORY, Result, check
 from targets import TARGETS
 
 pytestmark = pytest.mark.slow
@@ -98,11 +99,39 @@ def test_a_wrong_pddl_text_leaves_tracebacks_on() -> None:
     assert getattr(sys, "tracebacklimit", None) is None
 
 
-def test_guided_inputs_reach_new_branches_and_findings_stay(tmp_path: Path) -> None:
+def guided_engine(folder: Path, seconds: float = 600.0) -> fuzz.Engine:
     pytest.importorskip("atheris", reason="atheris has wheels for Linux on x86-64 only")
-    found = fuzz.run(["rules"], seed=0, inputs=60, jobs=1, engine=functools.partial(guided.work, tmp_path))["rules"]
+    return functools.partial(guided.work, folder, seconds)
+
+
+def test_guided_inputs_reach_new_branches_and_findings_stay(tmp_path: Path) -> None:
+    found = fuzz.run(["rules"], seed=0, inputs=60, jobs=1, engine=guided_engine(tmp_path))["rules"]
     assert found.outcomes.total() == 60
     kept = list(guided.corpus_folder(tmp_path, "rules", 0).iterdir())
     assert len(kept) > len(TARGETS["rules"].seeds)
     left = {path for path in tmp_path.iterdir() if path.is_file()}
     assert left == {guided.input_file(tmp_path, "rules", 0, number) for number, _ in found.findings}
+
+
+def test_guided_inputs_end_with_the_time(tmp_path: Path) -> None:
+    found = fuzz.run(["rules"], seed=0, inputs=1_000_000, jobs=1, engine=guided_engine(tmp_path, 0.5))["rules"]
+    assert 0 < found.outcomes.total() < 1_000_000
+    assert not found.findings
+
+
+def test_an_input_that_ends_the_process_is_not_left_in_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, folder = tmp_path / "here", tmp_path / "findings"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    ours.close()  # nobody listens: the first report ends the process
+    process = context.Process(target=guided_engine(folder), args=("rules", 0, range(9), MEMORY, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    process.join(timeout=60)
+    assert process.exitcode not in (0, None)
+    assert list(here.iterdir()) == []
+    assert any(path.name.startswith("crash-") for path in folder.iterdir())

@@ -174,7 +174,6 @@ def strange(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 CODE = """
 import sys
 from importlib import import_module
-from click.testing import CliRunner
 name, *lines = sys.argv[1:]
 for line in lines:
     sys.argv = [name, *line.split(chr(31))]

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
 import reba
 from reba import camera
 from reba.cli import cli
 from tests.support import camera_recordings as made
+from tests.support.invoke import invoke
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -41,7 +41,7 @@ def scored(path: Path) -> Any:
 
 
 def run(*words: str | Path) -> Any:
-    return CliRunner().invoke(cli, [str(word) for word in words])
+    return invoke(cli, [str(word) for word in words])
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -130,6 +130,21 @@ def test_warnings_of_the_reader_are_in_every_output(tmp_path: Path) -> None:
     assert all(" ".join(text.split()) in shown for text in summary["warnings"])
 
 
+@pytest.mark.parametrize("words", [["explain", "--at", "1"], ["improve"], ["convert", "-o", "out.csv"], ["compare"]])
+def test_every_command_says_what_the_reader_noticed(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("odd.csv").write_text("time,trunk_flexion,neck_flexoin\n0,1,2\n2,1,2\n1,1,2\n3,1")
+    notes = reba.read("odd.csv").quality.notes()
+    assert len(notes) >= 3
+    inputs = ["odd.csv"] * (2 if words == ["compare"] else 1)
+    for form in ([], ["--json"]):
+        done = start([words[0], *inputs, *words[1:], *form])
+        assert done.returncode == 0
+        assert done.stderr.splitlines() == [f"note: {note}" for note in notes]
+
+
 def test_factor_columns_hold_words_codes_and_both_sides(tmp_path: Path) -> None:
     path = tmp_path / "factors.csv"
     path.write_text("time,trunk_flexion,coupling_left,shock\n0,1,fair,yes\n1,1,2,no\n")

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 import reba
 from lgp.cli import cli as lgp_cli
 from reba.cli import cli
+from tests.support.invoke import invoke
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -22,7 +22,7 @@ INTERVAL = ("--start", "20", "--end", "30")
 
 
 def run(*words: object) -> dict[str, Any]:
-    result = CliRunner().invoke(cli, [*map(str, words), "--json"])
+    result = invoke(cli, [*map(str, words), "--json"])
     assert result.exit_code == 0, (result.output, result.exception)
     return json.loads(result.stdout)
 
@@ -43,7 +43,7 @@ def test_each_command_uses_the_interval(tmp_path: Path) -> None:
     assert run("convert", RECORDING, *INTERVAL, "-o", tmp_path / "part.csv")["frames"] == 251
     assert 20 <= run("improve", RECORDING, *INTERVAL)["frames"][0]["time"] <= 30
     assert run("explain", RECORDING, *INTERVAL, "--at", 25)["time"] == 25.0
-    outside = CliRunner().invoke(cli, ["explain", RECORDING, *INTERVAL, "--at", "50"])
+    outside = invoke(cli, ["explain", RECORDING, *INTERVAL, "--at", "50"])
     says(str(outside.exception), "lies outside", "20 to 30 s")
 
 
@@ -56,6 +56,6 @@ def test_each_recording_of_a_dataset_is_cut(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("words", [("--start", "nan"), ("--end", "x"), ("--start", "1e99")])
 def test_what_is_no_time_is_refused(words: tuple[str, str]) -> None:
-    result = CliRunner().invoke(cli, ["info", RECORDING, *words])
+    result = invoke(cli, ["info", RECORDING, *words])
     assert result.exit_code == 2
     says(result.output.splitlines()[-1], words[0])

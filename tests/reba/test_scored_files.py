@@ -13,11 +13,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from click.testing import CliRunner
 
 import reba
 from reba.batch.run import find_inputs
 from reba.cli import cli
+from tests.support.invoke import invoke
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -78,7 +78,7 @@ def test_the_fill_is_that_of_the_file(fill: Any, tmp_path: Path) -> None:
 
 
 def run(*words: object) -> Any:
-    result = CliRunner().invoke(cli, list(map(str, words)))
+    result = invoke(cli, list(map(str, words)))
     assert result.exit_code == 0, (result.output, result.exception)
     return json.loads(result.stdout)
 
@@ -145,7 +145,7 @@ def test_rules_of_another_version_are_refused(tmp_path: Path) -> None:
     with pytest.raises(reba.RulesError) as caught:
         reba.read_scores(path)
     says(caught, "scores.parquet", "rules that this version does not know", "hover", "name the rules")
-    result = CliRunner().invoke(cli, ["explain", str(path), "--at", "3"])
+    result = invoke(cli, ["explain", str(path), "--at", "3"])
     assert isinstance(result.exception, reba.RulesError)
     with pytest.warns(UserWarning, match="recorded with rules 'measured'"):
         run("explain", path, "--at", "3", "--rules", "measured", "--json")

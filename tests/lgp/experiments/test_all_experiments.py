@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 import lgp
 from lgp.cli import cli
@@ -20,6 +19,7 @@ from lgp.experiments.toolbox import finished_summary
 from lgp.experiments.toolbox_orders import GRASP_FIRST, PLACE_FIRST
 from lgp.experiments.variants import variants
 from reba.provenance import provenance
+from tests.support.invoke import invoke
 from tests.support.says import says
 from tests.support.screwdriver_runs import made
 
@@ -112,5 +112,5 @@ def test_a_finished_toolbox_is_known_by_its_settings_and_version(tmp_path: Path)
 
 @pytest.mark.parametrize("options", [("--as", "ours"), ("--phase-seconds", "3"), ("--plans",), ("--no-collisions",)])
 def test_options_of_one_variant_are_refused(tmp_path: Path, options: tuple[str, ...]) -> None:
-    result = CliRunner().invoke(cli, ["experiment", "all", *options, "-o", str(tmp_path)])
+    result = invoke(cli, ["experiment", "all", *options, "-o", str(tmp_path)])
     says(result.exception, options[0].removeprefix("--no-").removeprefix("--"), "all", "leave it out")

@@ -4,9 +4,9 @@ import json
 
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 
 from lgp.cli import cli
+from tests.support.invoke import invoke
 
 pytestmark = pytest.mark.slow
 SMALL = ["--heights", "0.8", "1.0", "--distances", "0.3", "0.4"]
@@ -22,7 +22,7 @@ def recording(tmp_path):
 
 def test_the_terminal_has_the_result_and_the_grid(recording, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    done = CliRunner().invoke(cli, ["improve", recording, "--at", "0", *SMALL])
+    done = invoke(cli, ["improve", recording, "--at", "0", *SMALL])
     assert done.exit_code == 0, done.output
     for words in ("as measured", "hands now", "REBA by height", "!", "Not measured, taken as neutral"):
         assert words in done.output
@@ -31,9 +31,9 @@ def test_the_terminal_has_the_result_and_the_grid(recording, monkeypatch):
 
 def test_json_and_page(recording, tmp_path):
     page = tmp_path / "moved.html"
-    done = CliRunner().invoke(cli, ["improve", recording, "--at", "0", *SMALL, "--json", "--report", str(page)])
+    done = invoke(cli, ["improve", recording, "--at", "0", *SMALL, "--json", "--report", str(page)])
     assert done.exit_code == 0, done.output
-    result = json.loads(done.output)
+    result = json.loads(done.stdout)
     assert result["report"] == str(page)
     (moment,) = result["moments"]
     assert moment["best"]["reba"] <= moment["unchanged"]["reba"] <= moment["measured"]["reba"]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -22,6 +21,7 @@ from reba.live.follow import Follower
 from reba.live.frames import ReadingOptions
 from reba.live.json_lines import LineStore
 from reba.live.session import Alert, LiveScorer
+from tests.support.invoke import invoke
 from tests.support.live_sources import assert_same, batch, json_lines, rewritten, run_live
 from tests.support.paths import DATASETS
 from tests.support.says import says
@@ -168,7 +168,7 @@ def _in_process(text: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> tup
     (folder / "lines").write_text(text)
     with (folder / "lines").open("rb") as stream:
         monkeypatch.setattr("reba.live.command.stdin_descriptor", stream.fileno)
-        result = CliRunner().invoke(cli, ["live", "-"], catch_exceptions=True)
+        result = invoke(cli, ["live", "-"], catch_exceptions=True)
     error = result.exception
     assert isinstance(error, reba.RebaError), repr(error)
     return 2, result.stdout, str(error)
@@ -228,7 +228,7 @@ def test_no_line_brings_it_down(lines: list[bytes], opened: bool) -> None:
     ],
 )
 def test_unusable_options_are_refused(options: list[str], facts: tuple[str, ...]) -> None:
-    result = CliRunner().invoke(cli, ["live", "-", *options])
+    result = invoke(cli, ["live", "-", *options])
     assert isinstance(result.exception, reba.RebaError)
     says(str(result.exception), *facts)
     assert result.stdout == ""

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import reba
 from reba.cli import cli
@@ -14,6 +13,7 @@ from reba.readers.recording.profile import find_profile
 from reba.report import render
 from reba.report.privacy import WITH_NAMES, WITHOUT_NAMES, command_without_names
 from tests.support.c3d_bytes import c3d_bytes
+from tests.support.invoke import invoke
 from tests.support.mvnx_text import mvnx_text
 from tests.support.paths import DATASETS
 
@@ -146,7 +146,7 @@ def test_commands_lose_folders_and_names() -> None:
 def test_the_option_of_the_command(tmp_path: Path) -> None:
     path, report = c3d(tmp_path), tmp_path / "report.html"
     words = ["score", str(path), "--topic", PERSON, "--report", str(report)]
-    assert CliRunner().invoke(cli, words).exit_code == 0
+    assert invoke(cli, words).exit_code == 0
     assert PERSON not in report.read_text(encoding="utf-8")
-    assert CliRunner().invoke(cli, [*words, "--names"]).exit_code == 0
+    assert invoke(cli, [*words, "--names"]).exit_code == 0
     assert PERSON in report.read_text(encoding="utf-8")
