@@ -16,7 +16,8 @@ from PIL import Image
 import reba
 from reba import camera
 from reba.cli import cli
-from tests.support import bag_copies, camera_recordings as made
+from tests.support import bag_copies
+from tests.support import camera_recordings as made
 from tests.support.paths import DATASETS
 from tests.support.says import says
 

@@ -43,7 +43,7 @@ class ChunkRef:
 
 @dataclass
 class Loaded:
-    """Unpacked records of one segment and the positions of its messages, whose payloads follow a head [bytes] in MCAP."""
+    """Unpacked records of one segment and the positions of its messages; a payload follows a head [bytes] in MCAP."""
 
     segment: ChunkRef
     data: bytes
