@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ def test_a_static_frame_below_a_renamed_one_is_followed(tmp_path: Path, below: i
         stamp, cart = EPOCH_NS + at * STEP_NS, "map_cart" if at < 200 else "odom_cart"
         if at % 200 == 0:
             chain = [cart, *[f"{cart}_plate"] * (below - 1), "tracker"]
-            links = (transform(stamp, *pair, fixed) for pair in zip(chain[:-1], chain[1:], strict=True))
+            links = (transform(stamp, *pair, fixed) for pair in pairwise(chain))
             rows.append((2, stamp, tf_message(*links)))
         rows.append((1, stamp, tf_message(transform(stamp, "world", cart, values[at]))))
     opened = write(tmp_path / "tf.mcap", rows, c1=("/tf", TF), c2=("/tf_static", TF))
