@@ -89,7 +89,7 @@ def _warn(text: str) -> None:
 
 @accepts(RebaError, path=PATH)
 def read_scores(path: str | Path) -> Scores:
-    """Read a file that `reba score -o` or `write_scores` wrote (.parquet, .csv, .mcap) back into scores.
+    """Read a file that `reba score -o` or `write_scores` wrote (.parquet, .csv, .mcap, .xlsx) back into scores.
 
     The postures in the file are scored again by the rules and with the factors that it was recorded with; times are
     those of the recording, which is not needed.

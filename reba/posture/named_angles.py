@@ -30,6 +30,17 @@ RADIANS_POSES: Final = 10
 """Fewer poses may well be close to rest, all of them."""
 RADIANS_OUTLIERS: Final = 0.02
 """Share of poses with larger angles that does not decide: damaged or coded values among thousands; a choice."""
+
+
+def outliers_among(poses: int) -> int:
+    """Return how many of some poses may have larger angles and still look like radians: a share, or one alone.
+
+    >>> outliers_among(5), outliers_among(20), outliers_among(1000)
+    (0, 1, 20)
+    """
+    return max(int(poses * RADIANS_OUTLIERS), int(poses >= RADIANS_POSES))
+
+
 RADIANS_TEXT: Final = (
     f"nearly every angle lies within +-{RADIANS_BELOW}: these look like radians; expected degrees, "
     "convert with numpy.degrees"
@@ -280,8 +291,7 @@ def refuse_large(
 def look_like_radians(angles: Array | Iterable[Array], poses: int | None = None) -> bool:
     """Return whether angles (n, d) of postures look like radians.
 
-    At least `RADIANS_POSES` poses, all but a share of `RADIANS_OUTLIERS` within `RADIANS_BELOW`, one beyond
-    `RADIANS_ABOVE`.
+    At least `RADIANS_POSES` poses, all but `outliers_among` them within `RADIANS_BELOW`, one beyond `RADIANS_ABOVE`.
 
     Args:
         angles: (n, d), or blocks of them.
@@ -293,7 +303,7 @@ def look_like_radians(angles: Array | Iterable[Array], poses: int | None = None)
     n = len(angles) if isinstance(angles, np.ndarray) else poses or 0
     if n < RADIANS_POSES:
         return False
-    allowed, beyond, largest = int(n * RADIANS_OUTLIERS), 0, 0.0
+    allowed, beyond, largest = outliers_among(n), 0, 0.0
     for block in [angles] if isinstance(angles, np.ndarray) else angles:
         for start in range(0, len(block), _TILE):
             of_pose = np.fmax.reduce(abs(block[start : start + _TILE]), axis=1, initial=0.0)

@@ -85,6 +85,11 @@ def constant_columns(seen: ColumnStatistics, seconds: float, kind: str, dummies:
         constant = known & (high - low <= CONSTANT)
         near = 1.0 if kind == "frames" else CONSTANT
         unmeasured = constant & (np.abs(high) <= near)
+    if kind == "frames":
+        # A hand that bends in the wrist is measured, also where it bends in one direction only; a mere twist is not.
+        for side in SIDES:
+            at = [INDEX[f"wrist_{angle}_{side}"] for angle in ("flexion", "deviation")]
+            unmeasured[at] &= not (known & ~constant)[at].any()
     for column, value in dummies.items():
         if column in INDEX:
             unmeasured[INDEX[column]] |= constant[INDEX[column]] and abs(high[INDEX[column]] - value) < 0.01

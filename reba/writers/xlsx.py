@@ -2,7 +2,9 @@
 
 The sheets of scores are `Summary`, `Intervals` (the worst ones), `Frames` (the table of the other formats), `Worksheet`
 and `Tables`: the formulas of the worksheet (`reba.writers.xlsx_worksheet`) take the angles of a frame to its REBA, so
-that an auditor can check every step in a spreadsheet. Needs openpyxl (extra `xlsx`).
+that an auditor can check every step in a spreadsheet. The hidden sheet `Record` has the metadata.
+
+Needs openpyxl (extra `xlsx`).
 """
 
 from __future__ import annotations
@@ -23,14 +25,18 @@ from reba.analysis.score_table import ScoreTable
 from reba.cells import cell_of
 from reba.errors import RebaError
 from reba.extras import missing
+from reba.files import as_json
 from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
 from reba.open_file import open_regular
 from reba.posture.angles import against_gravity
 from reba.provenance import generator
+from reba.readers.formats.score_file import FRAMES, KEY, RECORD
 from reba.writers.xlsx_worksheet import AGAINST_GRAVITY, ARM_COLUMNS, worksheet_rows
 
 MOST_FRAMES: Final = 1_048_575
 """Rows of a sheet in Excel, without the header."""
+MOST_TEXT: Final = 32_000
+"""Characters of a cell; Excel holds 32,767."""
 EPOCH: Final = dt.datetime(1980, 1, 1)
 """Time of creation that a workbook states; a workbook that states none gets the present one."""
 _MODIFIED: Final = re.compile(r"(<dcterms:modified[^>]*>)[^<]*")
@@ -80,10 +86,13 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
         _sheet(book, "Intervals", _intervals(summarise(scores)["worst"]))
         if scores.rules.upper_arm_reference == "gravity":
             data = pd.concat([data, _gravity_columns(scores)], axis=1)
-    _sheet(book, "Frames", _table(data))
+    _sheet(book, FRAMES, _table(data))
     if scores is not None and len(data):
         _sheet(book, "Worksheet", worksheet_rows(scores, list(data.columns), _worst_frame(scores)))
         _sheet(book, "Tables", _tables())
+    if scores is not None:
+        _sheet(book, RECORD, _record(about))
+        book[RECORD].sheet_state = "hidden"
     with _Undated(part, "w", zipfile.ZIP_DEFLATED) as archive:
         ExcelWriter(book, archive).save()
 
@@ -118,6 +127,14 @@ def _sheet(book: Any, title: str, rows: Iterable[Iterable[Any]]) -> None:
     sheet.freeze_panes = "A2"
     for row in rows:
         sheet.append(list(row))
+
+
+def _record(about: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Yield the metadata as JSON, from which the scores are read back, in as many cells as a text needs."""
+    yield [KEY, "what reba reads back with the sheet Frames: rules, factors, assumptions"]
+    for name, value in about.items():
+        text = as_json(value)
+        yield [name, *(text[at : at + MOST_TEXT] for at in range(0, len(text), MOST_TEXT))]
 
 
 def _flat(values: Mapping[str, Any], left_out: Iterable[str]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from PIL import Image
 import reba
 from reba import camera
 from reba.cli import cli
+from tests.support import bag_copies
 from tests.support import camera_recordings as made
 from tests.support.invoke import invoke
 from tests.support.paths import DATASETS
@@ -55,6 +56,29 @@ def test_each_picture_is_the_one_recorded_nearest_to_its_frame(way: str, tmp_pat
     assert len(found.pictures) > 90
     for one in found.pictures:
         assert abs(one.after) <= 0.0501
+        assert made.time_of(one.data) == pytest.approx(one.time + one.after, abs=0.25)
+
+
+@pytest.mark.parametrize("container", bag_copies.COPIES)
+def test_pictures_come_from_every_container(container: str, tmp_path: Path) -> None:
+    motion = [*bag_copies.messages(bag_copies.write_motion(tmp_path / "motion.mcap"))]
+    images = [
+        (
+            made.TOPIC,
+            made.ROS,
+            bag_copies.EPOCH_NS + index * 10**8,
+            made.as_ros(index * 10**8, made.picture(index / 10)),
+        )
+        for index in range(40)
+    ]
+    path = bag_copies.COPIES[container](sorted([*motion, *images], key=lambda message: message[2]), tmp_path)
+    report = tmp_path / "report.html"
+    assert run("score", path, "--report", report, "--images", "clear").exit_code == 0
+    found = reba.camera_pictures(scored(path))
+    assert found.topics == (made.TOPIC,)
+    assert len(found.pictures) >= 39
+    assert report.read_text().count("data:image/") >= 39
+    for one in found.pictures:
         assert made.time_of(one.data) == pytest.approx(one.time + one.after, abs=0.25)
 
 

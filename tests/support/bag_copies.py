@@ -72,15 +72,15 @@ def as_ros1(message: Any) -> Any:
     return ROS1.types[name](**({"seq": 7} if name == "std_msgs/msg/Header" else {}), **values)
 
 
-def to_bag(source: Path, path: Path, compression: str = "") -> Path:
-    """Copy into a ROS 1 bag ("BZ2" or "LZ4" for packed chunks), in several chunks."""
+def to_bag(source: Path | Sequence[Message], path: Path, compression: str = "") -> Path:
+    """Copy a recording, or messages, into a ROS 1 bag ("BZ2" or "LZ4" for packed chunks), in several chunks."""
     writer = Writer1(path)
     writer.chunk_threshold = 1 << 16
     if compression:
         writer.set_compression(Writer1.CompressionFormat[compression])
     with writer:
         connections = {}
-        for topic, name, time, data in messages(source):
+        for topic, name, time, data in messages(source) if isinstance(source, Path) else source:
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, name, typestore=ROS1)
             message = as_ros1(ROS2.deserialize_cdr(data, name))
@@ -111,7 +111,7 @@ def as_humble(folder: Path) -> Path:
     return file
 
 
-COPIES: dict[str, Callable[[Path, Path], Path]] = {
+COPIES: dict[str, Callable[[Path | Sequence[Message], Path], Path]] = {
     "bag": lambda source, folder: to_bag(source, folder / "a.bag"),
     "bag_bz2": lambda source, folder: to_bag(source, folder / "a.bag", "BZ2"),
     "bag_lz4": lambda source, folder: to_bag(source, folder / "a.bag", "LZ4"),

@@ -1,13 +1,14 @@
 """Score tables that `reba score -o` wrote: they hold the angles and factors that the scores came from, and the rules.
 
-What is written with the numbers (Parquet metadata, `<name>.meta.json` beside a CSV, an MCAP metadata record) is read
+What is written with the numbers (Parquet metadata, `<name>.meta.json` beside a CSV, an MCAP metadata record, a
+sheet of a workbook) is read
 back as it is; whoever scores again checks it.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,15 +16,19 @@ from reba.errors import ReadError
 from reba.open_file import open_regular, read_settings
 from reba.posture.columns import COLUMNS
 from reba.provenance import MEMBER
+from reba.readers.formats.zip_archive import first_member, open_zip
 
 ABOUT: Final = ".meta.json"
 """Ending of the file beside a CSV, added to its name."""
 MARKS: Final = ("reba_low", "reba_high")
 """Columns of every score table that always have a value: in MCAP the others may be absent."""
+_SHEETS: Final = "xl/workbook.xml"
 HEAD: Final = 8192
 """[bytes] In which a CSV has the names of its columns."""
 KEY: Final = "reba"
-"""Of the metadata in Parquet and MCAP."""
+"""Of the metadata in Parquet and MCAP, and first cell of the sheet `RECORD`."""
+FRAMES, RECORD = "Frames", "Record"
+"""Sheets of a workbook of scores: their table, and the metadata."""
 
 
 def is_score_table(columns: Iterable[str]) -> bool:
@@ -32,7 +37,7 @@ def is_score_table(columns: Iterable[str]) -> bool:
 
 
 def is_score_file(path: Path) -> bool:
-    """Return whether a CSV or Parquet file is a score table, by the names of its columns."""
+    """Return whether a CSV, Parquet or Excel file is a score table, by the names of its columns or sheets."""
     try:
         with open_regular(path) as file:
             head = file.read(HEAD)
@@ -40,7 +45,12 @@ def is_score_file(path: Path) -> bool:
                 import pyarrow.parquet as pq
 
                 return is_score_table(pq.read_schema(file).names)
-    except (OSError, ValueError):  # errors of Arrow are ValueErrors
+        if first_member(head):
+            with open_zip(path) as archive:
+                return f'"{RECORD}"'.encode() in archive.read(_SHEETS)
+    except KeyError:  # an archive without such a part
+        return False
+    except (OSError, ValueError, ReadError):  # errors of Arrow are ValueErrors
         return False
     return is_score_table(head.partition(b"\n")[0].decode("utf-8", "replace").strip().split(","))
 
@@ -76,6 +86,12 @@ def parquet_record(metadata: Mapping[bytes, bytes] | None) -> dict[str, Any]:
     """Return the metadata of a Parquet schema that was written with a score table."""
     texts = {key: (metadata or {}).get(key.encode(), b"").decode("utf-8", "replace") for key in (KEY, MEMBER)}
     return {**_object(texts[KEY]), MEMBER: _object(texts[MEMBER])}
+
+
+def sheet_record(rows: Iterable[Sequence[Any]]) -> dict[str, Any] | None:
+    """Return the metadata that the rows of the sheet `RECORD` hold; None for a sheet of another program."""
+    first, *others = (["" if cell is None else str(cell) for cell in row] for row in rows)
+    return {name: _value("".join(parts)) for name, *parts in others} if first[0] == KEY else None
 
 
 def mcap_record(record: Mapping[str, str]) -> dict[str, Any]:

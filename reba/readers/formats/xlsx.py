@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import warnings
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,6 +19,7 @@ from reba.extras import missing
 from reba.open_file import open_regular
 from reba.readers.formats.file_content import unpacked_name
 from reba.readers.formats.motive import is_motive
+from reba.readers.formats.score_file import FRAMES, RECORD, sheet_record
 from reba.readers.formats.table import table_recording
 from reba.readers.formats.table_file import MAX_COLUMNS, TableFile, without_decimal_commas
 from reba.readers.formats.text import BLANKS
@@ -54,13 +56,17 @@ def open_xlsx(path: Path, rate: float | None = None) -> Recording:
         kind = "an OpenDocument file" if "mimetype" in names else "an archive without a workbook"
         raise ReadError(path, kind, hint="save the table as .xlsx or .csv")
     sheets = _sheets(path)
+    record = sheet_record([row for _, row in sheets[RECORD]]) if {FRAMES, RECORD} <= sheets.keys() else None
+    if record is not None:
+        del sheets[RECORD]
     opened: dict[str, Recording] = {}
     problems: dict[str, ReadError] = {}
     for title, rows in sheets.items():
         log = ReadLog()
         try:
             name = title if len(sheets) > 1 else unpacked_name(path).stem
-            opened[title] = table_recording(path, "xlsx", _table(path, title, rows, log), log, rate, name)
+            table = replace(_table(path, title, rows, log), scored=record if title == FRAMES else None)
+            opened[title] = table_recording(path, "xlsx", table, log, rate, name)
         except ReadError as error:
             problems[title] = error
     if not opened:
@@ -79,7 +85,8 @@ def open_xlsx(path: Path, rate: float | None = None) -> Recording:
     topics = [topic for recording in opened.values() for topic in recording.topics]
     topics += [Topic(title, "sheet", None, False, error.what[:200]) for title, error in problems.items()]
     hint = next((recording.hint for recording in opened.values() if recording.hint), "")
-    return Recording(str(path), "xlsx", streams, tuple(topics), log, hint)
+    scored = next((recording.scored for recording in opened.values() if recording.scored is not None), None)
+    return Recording(str(path), "xlsx", streams, tuple(topics), log, hint, scored=scored)
 
 
 def _sheets(path: Path) -> dict[str, list[tuple[int, tuple[Any, ...]]]]:

@@ -2,7 +2,9 @@
 
 - a point at exactly (0, 0, 0), unless that is the origin of a body: there in every frame, with the others around it;
 - a point with three equal coordinates of a code such as -9999, in any unit of length;
-- a joint or an angle of exactly such a code. An angle of 0 is a value.
+- a point with three equal coordinates that are farther away than any body;
+- a joint or an angle of exactly such a code. An angle of 0 is a value;
+- an angle beyond 360 degrees: damaged. Joints have limits of their own, see `joints`.
 
 Pose estimators, TRC files and C3D exports write zeros; spreadsheets and motion capture databases write -999 and -9999.
 """
@@ -17,18 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
+from reba.posture.named_angles import LARGEST
 from reba.posture.value_codes import CODES, coded
 from reba.readers.recording.stream import Block, Kind, ReadLog, clip
 
 SCALES: Final = (1.0, 0.1, 0.01, 0.001, 0.0254)
 """[m] Units of length in which a code may have been written; points are in metres here."""
 _POINT_CODES: Final = np.unique([code * scale for code in CODES for scale in SCALES])
+FARTHEST: Final = 1000.0
+"""[m] From the origin along all three axes alike no body is: 1e6 mm, or the largest number of a type, is a code."""
 MOST_NAMES: Final = 4
 """Names in a warning."""
 
 
 def coded_points(points: Array) -> Flags:
-    """Return which points (..., 3) [m] have three equal coordinates of a code.
+    """Return which points (..., 3) [m] have three equal coordinates of a code, or are far away.
 
     >>> coded_points(np.array([[-9.999, -9.999, -9.999], [-9.999, 1.0, 1.0]])).tolist()
     [True, False]
@@ -40,7 +45,7 @@ def coded_points(points: Array) -> Flags:
     size = np.abs(first[equal])
     at = np.clip(np.searchsorted(_POINT_CODES, size), 1, len(_POINT_CODES) - 1)
     nearest = np.minimum(np.abs(_POINT_CODES[at] - size), np.abs(_POINT_CODES[at - 1] - size))
-    equal[equal] = nearest <= 1e-12 * np.maximum(size, 1.0)
+    equal[equal] = (nearest <= 1e-12 * np.maximum(size, 1.0)) | (size >= FARTHEST)
     return equal
 
 
@@ -55,11 +60,13 @@ class GapCodes:
         self._origins: set[str] | None = None
         self._moved: set[str] = set()
         self._counts: Counter[str] = Counter()
+        self._damaged: Counter[str] = Counter()
         self._samples = 0
 
     def begin(self) -> None:
         """Start a pass over the recording."""
         self._counts.clear()
+        self._damaged.clear()
         self._samples = 0
 
     def without(self, block: Block) -> Block:
@@ -68,11 +75,15 @@ class GapCodes:
             return block
         points = self._kind == "points"
         gaps = self._zeros(block) | coded_points(block.values) if points else coded(block.values)
+        damaged = np.abs(block.values) > LARGEST if self._kind == "angles" else np.zeros_like(gaps)
         self._samples += len(block.time)
-        if not gaps.any():
+        if not (gaps.any() or damaged.any()):
             return block
-        for at in np.flatnonzero(gaps.any(axis=0)).tolist():
-            self._counts[block.names[at]] += int(np.count_nonzero(gaps[:, at]))
+        damaged &= ~gaps
+        for counts, flags in ((self._counts, gaps), (self._damaged, damaged)):
+            for at in np.flatnonzero(flags.any(axis=0)).tolist():
+                counts[block.names[at]] += int(np.count_nonzero(flags[:, at]))
+        gaps |= damaged
         values = block.values.copy()
         values[gaps] = np.nan
         return replace(block, values=values)
@@ -97,12 +108,17 @@ class GapCodes:
         return not moved
 
     def note(self, log: ReadLog) -> None:
-        """Warn of the signals with gap codes."""
+        """Warn of the signals with gap codes, and of those with damaged angles."""
         if self._counts:
-            names = [f"{clip(name)} {count}" for name, count in self._counts.most_common(MOST_NAMES)]
-            more = f" and {len(self._counts) - MOST_NAMES} more" if len(self._counts) > MOST_NAMES else ""
             kind = "(0, 0, 0) or a code such as -9999" if self._kind == "points" else "a code such as -999"
-            log.warn(f"{kind} stands for no value: {', '.join(names)}{more} of {self._samples} samples")
+            log.warn(f"{kind} stands for no value: {self._named(self._counts)}")
+        if self._damaged:
+            log.warn(f"angles beyond {LARGEST:g} deg were left out as damaged: {self._named(self._damaged)}")
+
+    def _named(self, counts: Counter[str]) -> str:
+        names = [f"{clip(name)} {count}" for name, count in counts.most_common(MOST_NAMES)]
+        more = f" and {len(counts) - MOST_NAMES} more" if len(counts) > MOST_NAMES else ""
+        return f"{', '.join(names)}{more} of {self._samples} samples"
 
 
 def _origins(block: Block, zeros: NDArray[np.bool_]) -> set[str]:

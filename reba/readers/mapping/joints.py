@@ -13,7 +13,7 @@ from reba.arrays import Array, Flags
 from reba.errors import join_names
 from reba.posture.angles import SegmentFrames, rotated_about
 from reba.posture.columns import COLUMNS, SIDES
-from reba.posture.named_angles import RADIANS_OUTLIERS
+from reba.posture.named_angles import outliers_among
 from reba.readers.mapping.reference_frames import PelvisPose, axis_vector
 from reba.readers.recording.profile import ElementaryRotation, Profile
 from reba.readers.recording.stream import Block, Stream
@@ -184,7 +184,7 @@ class JointMapper:
         data = np.ascontiguousarray(block.values.T[[at for _, _, at in present]])
         if not self.unit:
             beyond = np.count_nonzero(np.abs(data) > MAX_ROTATION, axis=1)
-            self.unit = "deg" if (beyond > RADIANS_OUTLIERS * data.shape[1]).any() else "rad"
+            self.unit = "deg" if (beyond > outliers_among(data.shape[1])).any() else "rad"
             self.assumed.append(f"the unit of the joints is not stated: {self.unit} by their range")
         self.ranges.add([index for index, _, _ in present], data, radians=self.unit == "rad")
         return {joint: values for (_, joint, _), values in zip(present, data, strict=True)}
@@ -310,7 +310,8 @@ class JointRanges:
         """Return whether joints in degrees, that move, have nearly all values within `SMALL_DEGREES`."""
         known = self.known
         largest = np.maximum(np.abs(self.low[known]), np.abs(self.high[known]))
-        return bool((largest > CONSTANT).any() and self.beyond.max(initial=0.0) <= RADIANS_OUTLIERS * self.seen.max())
+        allowed = outliers_among(int(self.seen.max(initial=0.0)))
+        return bool((largest > CONSTANT).any() and self.beyond.max(initial=0.0) <= allowed)
 
     def constant(self, to_degrees: float) -> tuple[Array, Flags]:
         """Return the (k,) middle of each range [deg] and which joints are constant."""

@@ -140,6 +140,10 @@ class Container:
             self._scans[key] = scan
         return scan
 
+    def store_of(self, channel: int) -> Container:
+        """Return the store that loads the messages of a channel: this one, which loads those of all."""
+        return self
+
     def release(self) -> None:
         """Free the memory of the loaded segment."""
         self._last = None

@@ -9,6 +9,7 @@ A file is opened read-only, and a copy of one whose recorder left a journal besi
 
 from __future__ import annotations
 
+import copy
 import shutil
 import tempfile
 import weakref
@@ -54,7 +55,7 @@ class Rows(Loaded):
     """Messages of one segment; a payload is placed by the id of its row."""
 
     def __init__(self, segment: ChunkRef, data: bytes, scan: Scan, ids: Sequence[int]) -> None:
-        super().__init__(segment, data, scan)
+        super().__init__(segment, data, scan, head=0)
         self._ids = ids
 
     def where(self, payload: int) -> str:
@@ -63,7 +64,9 @@ class Rows(Loaded):
 
 
 class Database:
-    """One rosbag2 database, opened; attributes as of `Container`. Only messages of types with postures are loaded.
+    """One rosbag2 database, opened; attributes as of `Container`.
+
+    Only messages of types with postures are loaded; `store_of` loads those of another topic.
 
     Raises:
         ReadError: the file is not such a database, or damaged.
@@ -82,6 +85,7 @@ class Database:
         self.lost: str | None = None
         self.warnings: list[str] = []
         self._last: Loaded | None = None
+        self._origin: Database | None = None
         self._cut = ""
         with self._reported():
             place = self._readable_place()
@@ -92,7 +96,20 @@ class Database:
             self._connection = self._connect(place)
             weakref.finalize(self, self._connection.close)
             self._define()
-            self._index()
+            self._index({n for n in self.channels if meaning_of(self.schemas[n].name) is not None})
+
+    def store_of(self, channel: int) -> Database:
+        """Return a store of the messages of one topic, of any type.
+
+        Raises:
+            ReadError: the file is damaged.
+        """
+        one = copy.copy(self)
+        one._origin = self  # as long as that is there the file is open
+        one.segments, one.counts, one.warnings, one._last = [], Counter(), [], None
+        with one._reported():
+            one._index({channel})
+        return one
 
     def load(self, segment: ChunkRef) -> Loaded:
         """Return the messages of a segment; the last segment stays loaded.
@@ -139,20 +156,20 @@ class Database:
             folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
             weakref.finalize(self, folder.cleanup)
             place = Path(folder.name) / "recording.db3"
-            with place.open("w+b") as copy:
+            with place.open("w+b") as target:
                 if packed:
-                    unpack_file(self.path, file, copy, self.limit_bytes)
+                    unpack_file(self.path, file, target, self.limit_bytes)
                 else:
                     file.seek(0)
-                    shutil.copyfileobj(file, copy)
+                    shutil.copyfileobj(file, target)
                 if not journals:
                     # The rest of a page that is there in part would be read as zeros.
-                    self._cut, whole = _truncation(copy)
-                    copy.truncate(whole)
+                    self._cut, whole = _truncation(target)
+                    target.truncate(whole)
         for journal in journals:
             beside = place.with_name(place.name + journal.name[len(self.path.name) :])
-            with opened(journal) as file, beside.open("wb") as copy:
-                shutil.copyfileobj(file, copy)
+            with opened(journal) as file, beside.open("wb") as target:
+                shutil.copyfileobj(file, target)
         if journals:
             self.ended_abnormally = f"the recorder did not close the file; {journals[0].name} was read with it"
         return place
@@ -234,9 +251,8 @@ class Database:
             if len(self.channels) > _MOST_TOPICS:
                 raise BadRecord(0, f"more than {_MOST_TOPICS} topics")
 
-    def _index(self) -> None:
-        """Divide the messages into segments, in the order of recording."""
-        wanted = {number for number in self.channels if meaning_of(self.schemas[number].name) is not None}
+    def _index(self, wanted: set[int]) -> None:
+        """Divide the messages of the wanted topics into segments, in the order of recording."""
         self._wanted = ",".join(map(str, sorted(wanted)))
         rows, size, start, first, total = 0, 0, LATEST, 0, 0
         query = "SELECT rowid, topic_id, CAST(timestamp AS INTEGER), length(data) FROM messages ORDER BY rowid"

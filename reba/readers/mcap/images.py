@@ -105,9 +105,10 @@ def cameras_of(files: Sequence[StoredFile]) -> list[Camera]:
                 continue
             try:
                 data_of = _data_of(store, channel)
+                images = store.store_of(channel.id)
             except (ros.BadSchema, ReadError):
                 continue
-            cameras.setdefault(channel.topic, Camera(channel.topic)).add(store, channel, data_of)
+            cameras.setdefault(channel.topic, Camera(channel.topic)).add(images, channel, data_of)
     return sorted(cameras.values(), key=lambda camera: (-camera.count, camera.topic))
 
 

@@ -88,7 +88,9 @@ def _nearest(rows: Array, seconds: Array) -> NDArray[np.intp]:
 
 
 def _raw_times(batch: Batch, piece: Piece, first: int) -> Nanoseconds:
-    """Return (n, 2) log and publish times [ns] as they stand in the file."""
+    """Return (n, 2) log and publish times [ns] as they stand in the file; bags and databases have log times only."""
+    if not batch.loaded.head:
+        return np.repeat(batch.times[piece.number - first, None], 2, axis=1)
     starts = batch.starts[piece.number - first]
     raw = gather(np.frombuffer(batch.loaded.data, np.uint8), starts - _TIMES, _TIMES).view("<u8")
     return np.minimum(raw, np.uint64(LATEST)).astype(np.int64)

@@ -43,7 +43,7 @@ class ChunkRef:
 
 @dataclass
 class Loaded:
-    """Unpacked records of one segment and the positions of its messages, whose payloads follow a head [bytes]."""
+    """Unpacked records of one segment and the positions of its messages; a payload follows a head [bytes] in MCAP."""
 
     segment: ChunkRef
     data: bytes
@@ -81,3 +81,6 @@ class StoredFile(Store, Protocol):
     ended_abnormally: str | None
     lost: str | None
     warnings: list[str]
+
+    def store_of(self, channel: int) -> Store:
+        """Return a store that loads the messages of a channel, also of a type without postures."""

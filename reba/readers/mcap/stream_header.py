@@ -83,14 +83,27 @@ def _chosen(
         warnings.append(f"more than {MOST_SIGNALS} signals; the others are left out")
     for name, parent in named:
         others = chosen.setdefault(name, [])
-        mine = spans[name, parent]
-        rival = next((other for other in others if _meet(mine, spans[name, other])), None)
-        if rival is None and not (others and not spans[name, parent]):
+        mine = _known_in(name, parent, spans)
+        rival = next((other for other in others if _meet(mine, _known_in(name, other, spans))), None)
+        if rival is None and not (others and not mine):
             others.append(parent)
         else:
             first = others[0] if rival is None else rival
             warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
     return tuple((name, parent) for name, parents in chosen.items() for parent in parents), tuple(warnings)
+
+
+def _known_in(name: str, parent: str, spans: Mapping[Signal, list[Interval]]) -> list[Interval]:
+    """Return when a frame is there in a parent: a static one as long as that is, empty for one that always is."""
+    seen = {name}
+    while not spans[name, parent]:
+        above = [signal for signal in spans if signal[0] == parent]
+        moving = [interval for signal in above for interval in spans[signal]]
+        if moving or not above or parent in seen:
+            return united(moving)
+        seen.add(parent)
+        name, parent = above[0]
+    return spans[name, parent]
 
 
 def _meet(one: Sequence[Interval], other: Sequence[Interval]) -> bool:

@@ -165,6 +165,14 @@ def test_radians_are_warned_about() -> None:
         reba.angle_table(holes)
 
 
+@pytest.mark.parametrize("poses", [10, 20, 49, 500])
+def test_one_outlier_among_any_number_of_poses_does_not_hide_radians(poses: int) -> None:
+    small = np.radians(np.resize(angles(), (poses, 22)))
+    small[poses // 2, 0] = 90.0
+    with pytest.warns(reba.RadiansWarning):
+        reba.angle_table(small)
+
+
 @pytest.mark.parametrize(
     "table",
     [

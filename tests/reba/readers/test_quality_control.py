@@ -10,7 +10,9 @@ import pytest
 
 import reba
 from reba.errors import RebaError
-from reba.readers.quality_control import equal_frames, find_gaps, frozen_warning, parse_neutral
+from reba.posture.columns import COLUMNS, INDEX
+from reba.readers.column_statistics import ColumnStatistics
+from reba.readers.quality_control import constant_columns, equal_frames, find_gaps, frozen_warning, parse_neutral
 from tests.support.says import says
 from tests.support.synthetic_bodies import RATE
 
@@ -41,3 +43,19 @@ def test_hinges_that_count_from_180_are_told(tmp_path: Path, straight: float, wa
     texts = [text for text in reba.read(tmp_path / "hinges.csv").quality.warnings if "180 is straight" in text]
     assert len(texts) == warned
     assert all("knee_flexion_left" in text and "lower_arm_flexion_right" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("kind", "moving", "measured"),
+    [
+        ("frames", "wrist_flexion_left", True),  # the hand bends in one direction only
+        ("frames", "wrist_twist_left", False),  # the forearm turns, and the hand of the rig has no joint
+        ("joints", "wrist_flexion_left", False),  # joints are recorded one by one
+    ],
+)
+def test_a_hand_that_bends_is_measured_in_both_directions(kind: str, moving: str, measured: bool) -> None:
+    angles = np.zeros((50, len(COLUMNS)))
+    angles[:, INDEX[moving]] = np.linspace(0, 40, 50)
+    constant = constant_columns(ColumnStatistics().add(angles), 5.0, kind, {})
+    assert ("wrist_deviation_left" not in constant) == measured
+    assert "wrist_deviation_right" in constant

@@ -14,6 +14,7 @@ import pytest
 import reba
 from reba.errors import RebaError
 from reba.posture.columns import COLUMNS
+from reba.readers.formats.score_file import is_score_file
 from reba.writers import xlsx
 from tests.support.says import says
 from tests.support.spreadsheet import Book
@@ -68,7 +69,8 @@ def test_sheets_hold_what_the_other_formats_do(tmp_path: Path) -> None:
     reba.write_scores(scores, tmp_path / "s.xlsx")
     reba.write_scores(scores, tmp_path / "s.csv")
     book = openpyxl.load_workbook(tmp_path / "s.xlsx", read_only=True)
-    assert book.sheetnames == ["Summary", "Intervals", "Frames", "Worksheet", "Tables"]
+    assert book.sheetnames == ["Summary", "Intervals", "Frames", "Worksheet", "Tables", "Record"]
+    assert book["Record"].sheet_state == "hidden"
     frames = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Frames")
     pd.testing.assert_frame_equal(frames, pd.read_csv(tmp_path / "s.csv"), check_dtype=False, rtol=1e-15)
     summary = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Summary").set_index("what")["value"]
@@ -84,6 +86,31 @@ def test_a_workbook_of_scores_is_read_back(tmp_path: Path) -> None:
     reba.write_scores(scores, tmp_path / "s.xlsx")
     again = reba.read(tmp_path / "s.xlsx")
     np.testing.assert_allclose(again.data[list(COLUMNS)], scores.angles, rtol=1e-15)
+
+
+@pytest.mark.parametrize("rules", RULES, ids=lambda rules: rules.name)
+def test_a_workbook_is_scored_again_by_the_rules_that_it_was_recorded_with(tmp_path: Path, rules: reba.Rules) -> None:
+    scores = scored(rules)
+    reba.write_scores(scores, tmp_path / "s.xlsx")
+    again = reba.read_scores(tmp_path / "s.xlsx")
+    assert again.rules == scores.rules
+    for name in ("reba_low", "reba_high"):
+        np.testing.assert_array_equal(again.data[name], scores.data[name])
+    assert is_score_file(tmp_path / "s.xlsx")
+    reba.write_postures(reba.read(tmp_path / "s.xlsx"), tmp_path / "p.xlsx")
+    assert not is_score_file(tmp_path / "p.xlsx")
+
+
+def test_a_sheet_of_another_program_with_the_name_is_a_sheet(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    book.active.title = "Frames"
+    book.create_sheet("Record").append(["name", "value"])
+    for row in (["time", "trunk_flexion"], [0.0, 10.0], [0.1, 20.0]):
+        book["Frames"].append(row)
+    book.save(tmp_path / "own.xlsx")
+    read = reba.read(tmp_path / "own.xlsx")
+    assert read.scored is None
+    assert read.data["trunk_flexion"].tolist() == [10.0, 20.0]
 
 
 def test_the_same_scores_give_the_same_bytes(tmp_path: Path) -> None:

@@ -79,6 +79,27 @@ def test_codes_of_joints_and_angles_but_never_zero() -> None:
     says(warning, "-999", "'p1' 1")
 
 
+@pytest.mark.parametrize("code", [1e6, -1e30, 3.4028234663852886e38])
+def test_points_farther_away_than_any_body_are_gaps(code: float) -> None:
+    points = body()
+    points[5, 2] = code
+    points[6, 2] = [code, 0.1, 0.2]
+    values, warning = cleaned("points", points)
+    assert np.isnan(values[5, 2]).all()
+    np.testing.assert_array_equal(values[6, 2], points[6, 2])
+    says(warning, "'p2' 1")
+
+
+def test_an_angle_that_no_joint_has_is_damaged_and_said(tmp_path: Path) -> None:
+    table = pd.DataFrame({"time": np.arange(50) / 10, "trunk_flexion": 30.0, "neck_flexion": np.linspace(0, 20, 50)})
+    table.loc[10:14, "trunk_flexion"] = 1e6
+    table.loc[15, "trunk_flexion"] = -999
+    table.to_csv(tmp_path / "damaged.csv", index=False)
+    read = reba.read(tmp_path / "damaged.csv")
+    assert read.data["trunk_flexion"].isna().sum() == 6
+    says(" | ".join(read.quality.warnings), "beyond 360 deg", "damaged", "'trunk_flexion' 5", "'trunk_flexion' 1")
+
+
 @pytest.mark.parametrize("code", [-999, 9999])
 def test_codes_in_a_posture_table_are_not_scored(tmp_path: Path, code: int) -> None:
     table = pd.DataFrame({"time": np.arange(50) / 10, "trunk_flexion": 30.0, "neck_flexion": np.linspace(0, 20, 50)})

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import reba
 from reba.posture.columns import COLUMNS
@@ -36,6 +37,11 @@ def test_a_copy_gives_the_same_angles_scores_and_accounts(name: str, source: Pat
     assert sniff(path)
     topics = {topic["name"]: topic["count"] for topic in info(path).topics}
     assert topics == {"/joint_states": FRAMES, "/tf": FRAMES}
+    reba.write_scores(scores, tmp_path / "scored.mcap")
+    with (tmp_path / "scored.mcap").open("rb") as file:
+        logged = [message.log_time for *_, message in make_reader(file).iter_messages(topics=["/ergonomics/reba"])]
+    joints = [time for topic, _, time, _ in copies.messages(source) if topic == "/joint_states"]
+    assert logged == joints
 
 
 @pytest.mark.parametrize("name", ["bag", "db3"])
