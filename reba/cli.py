@@ -29,13 +29,13 @@ from reba.command_line import (
     OutputType,
     Stop,
     echo,
+    echo_notes,
     json_option,
     parallel_options,
     print_json,
     report_form,
     report_options,
     run,
-    tell_notes,
 )
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.factors import COUPLINGS, SUPPORTS
@@ -132,7 +132,7 @@ def compare(a: str, b: str, as_json: bool, **values: Any) -> None:
         rules = (second if first.postures.scored is None else first).rules
         options = replace(options, rules=rules)
         first, second = options.read_and_score(a), options.read_and_score(b)
-    tell_notes(first.postures, second.postures)
+    echo_notes(first.postures, second.postures)
     result = compare_scores(first, second)
     result["a"] = {"input": a, **result["a"]}
     result["b"] = {"input": b, **result["b"]}
@@ -161,7 +161,7 @@ def explain(path: str, time: float, as_json: bool, **values: Any) -> None:
     INPUT is a recording, or a file of scores that `reba score -o` wrote.
     """
     scores = options_of(values, recorded=True).read_and_score(path)
-    tell_notes(scores.postures)
+    echo_notes(scores.postures)
     sheet = scores.explain(time)
     if as_json:
         print_json(sheet.to_dict())
@@ -196,7 +196,7 @@ def improve(path: str, time: float | None, to_level: str | None, every: bool, as
     from reba.analysis.improve import improve_frame, worst_minute
 
     scores = options_of(values, recorded=True).read_and_score(path)
-    tell_notes(scores.postures)
+    echo_notes(scores.postures)
     stamps = scores.time
     level = None if to_level is None else [risk for risk, _ in ACTION_LEVELS].index(to_level)
     at_least = None if level is None else ACTION_LEVEL_FROM[level + 1]
@@ -249,7 +249,7 @@ def convert(path: str, output: str, as_json: bool, **values: Any) -> None:
     from reba.writers import write_postures
 
     postures = read(path, **values)
-    tell_notes(postures)
+    echo_notes(postures)
     write_postures(postures, output)
     result = {"input": path, "output": output, "frames": len(postures.data), "profile": postures.profile}
     if as_json:

@@ -120,7 +120,7 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def tell_notes(*recordings: Any) -> None:
+def echo_notes(*recordings: Any) -> None:
     """Say on standard error what the reader noticed of recordings, what several have in common once.
 
     Args:

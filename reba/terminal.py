@@ -74,7 +74,6 @@ class Console(rich.console.Console):
             # Here, as rich would lay out a text of its own class instead.
             text = self.render_str(objects[0]) if isinstance(objects[0], str) else objects[0]
             for line in text.wrap(self, self.width):
-                line.rstrip()
                 super().print(line)
             return
         if len(objects) != 1 or not isinstance(objects[0], Table) or not objects[0].show_header:

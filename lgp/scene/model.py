@@ -75,8 +75,7 @@ class PlanarBase:
     """How far an agent moves over the floor from its position and yaw, along and about its own axes.
 
     Attributes:
-        x, y: lowest and highest displacement [m].
-        yaw: lowest and highest turn [deg].
+        x, y, yaw: lowest and highest displacement [m] and turn [deg].
         speed, turn: largest speeds [m/s, deg/s].
         cost: weight of squared accelerations of the base, beside 1 of other joints.
     """
@@ -94,8 +93,7 @@ class Human(Agent):
     """A person: stature [m] and sex scale the body.
 
     `legs`: "planted" (12 leg joints, soles fixed by constraints), "solved" (closed-form inverse kinematics from the
-    pelvis, without joints, same postures) or "locked" (rigid legs below a free pelvis). `step` is the region of the
-    standing places of a person who may step: one for each phase.
+    pelvis, without joints, same postures) or "locked" (rigid legs below a free pelvis). `step`: where they may step to.
     """
 
     stature: float

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from lgp.defaults import COST
 from reba.analysis.wording import moment as time_of
-from reba.command_line import SECONDS, Command, Number, command_line, json_option, output_file, print_json, tell_notes
+from reba.command_line import SECONDS, Command, Number, command_line, echo_notes, json_option, output_file, print_json
 from reba.scoring_options import options_of, scoring_options
 from reba.terminal import Console, Text, console
 
@@ -58,7 +58,7 @@ def improve(
     from lgp.workplace import improvement
 
     scores = options_of(scoring, recorded=True).read_and_score(path)
-    tell_notes(scores.postures)
+    echo_notes(scores.postures)
     surface: dict[str, Any] = {"heights": heights, "distances": distances, "step": step}
     moved = improvement.improve(scores, at=time, hands=hands, stature=stature, sex=sex, cost=cost, **surface)
     if report is not None:
