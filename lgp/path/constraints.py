@@ -84,7 +84,7 @@ class Constraints:
         self._soles = tuple(world.planted)
         people = world.scene.humans.values()
         self._legs = tuple(LegReachConstraint(world, person) for person in people if person.legs == "solved")
-        self._active = active
+        self.active = active
         self._set_rows(len(knots))
 
     def limb(self, number: int) -> Indices:
@@ -116,9 +116,9 @@ class Constraints:
             ineq += [(1, at * nq + legs.columns) for at in range(knots)]
             self.in_rows += [ConstraintInfo("leg", "m", at, legs.person) for at in range(knots)]
         self.always = len(self.in_rows)
-        if self._active is not None:
-            ineq += self._active.blocks(knots * nq)
-            self.in_rows += self._active.names()
+        if self.active is not None:
+            ineq += self.active.blocks(knots * nq)
+            self.in_rows += self.active.names()
         self.row_blocks = self._eq, self._in = RowBlocks(eq, self.size), RowBlocks(ineq, self.size)
 
     def evaluate(self, q: Array, z: Array) -> Values:
@@ -126,8 +126,8 @@ class Constraints:
         values = self.evaluate_many(q[None], z[None])
         equality, inequality = values.equality[0], values.inequality[0]
         eq_blocks, in_blocks = ([block[0] for block in blocks] for blocks in (values.eq_blocks, values.in_blocks))
-        if self._active is not None:
-            inequality = np.concatenate([inequality, self._active.evaluate(q, z)])
+        if self.active is not None:
+            inequality = np.concatenate([inequality, self.active.evaluate(q, z)])
         return Values(equality, inequality, eq_blocks, in_blocks, values.switches)
 
     def evaluate_many(self, q: Array, z: Array) -> Values:
@@ -152,7 +152,7 @@ class Constraints:
 
     def jacobians(self, values: Values, q: Array, z: Array) -> tuple[sp.csr_matrix, sp.csr_matrix]:
         """Return the two sparse Jacobians of rows evaluated at (q, z); the next call reuses them."""
-        active = [] if self._active is None else self._active.gradients(q, z)
+        active = [] if self.active is None else self.active.gradients(q, z)
         return self._eq.fill(values.eq_blocks), self._in.fill([*values.in_blocks, *active])
 
     def residuals(self, q: Array, z: Array) -> dict[str, float]:
@@ -180,8 +180,8 @@ class Constraints:
         nq, tail = self.world.nq, self.size - self.modes.size
         columns = self.switch_columns()
         columns += [np.arange(tail // nq)[:, None] * nq + legs.columns for legs in self._legs]
-        if self._active is not None:
-            columns += self._active.hessian_columns()
+        if self.active is not None:
+            columns += self.active.hessian_columns()
         return columns + self._own.convex_columns()
 
     def switch_columns(self) -> list[Indices]:
@@ -223,8 +223,8 @@ class Constraints:
             multipliers[:, None, None] * legs.curvature(q)
             for legs, multipliers in zip(self._legs, self._leg_rows(y, len(q)), strict=True)
         ]
-        if self._active is not None:
-            hessians += self._active.hessian(q, z, y[len(y) - len(self._active) :])
+        if self.active is not None:
+            hessians += self.active.hessian(q, z, y[len(y) - len(self.active) :])
         return hessians
 
     def equality_hessians(self, values: Values, q: Array, z: Array, y: Array) -> list[Array]:

@@ -93,13 +93,10 @@ class JointConstraints:
 
     def _new(self, points: Indices, joints: Indices, senses: Array, *, speed: bool) -> _Rows:
         """Return the rows that are not active yet."""
-        own = self.rows
-        known = set(zip(own.points.tolist(), own.joints.tolist(), own.speeds.tolist(), strict=True))
-        new = np.array(
-            [(point, joint, speed) not in known for point, joint in zip(points.tolist(), joints.tolist(), strict=True)],
-            dtype=bool,
-        )
-        return _Rows(points[new], joints[new], senses[new], np.full(int(new.sum()), speed))
+        given = _Rows(points, joints, senses, np.full(len(points), speed))
+        known = set(zip(*(part.tolist() for part in self.rows), strict=True))
+        new = np.array([row not in known for row in zip(*(part.tolist() for part in given), strict=True)], dtype=bool)
+        return _Rows(*(part[new] for part in given))
 
     def _add(self, rows: _Rows, broken: Flags) -> int:
         """Add rows where one of them is broken (m,); return how many are."""

@@ -39,6 +39,7 @@ from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.path.sampled_motion import Motion, sampled_motions
 from lgp.search.records import Skeleton
+from lgp.sqp.merit import violation_max
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
 from lgp.sqp.solver import solve
@@ -52,6 +53,8 @@ FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
 
 
+CORRECTIONS = 3
+"""Times that a path is moved to the nearest feasible one, each with what the last one turned out to break."""
 DURATION_FACTORS = (1.0, 1.2, 1.5)
 """Durations that are tried in turn, in multiples of what the path that is too fast needs: contacts need time too."""
 DIGITS = 13
@@ -271,9 +274,16 @@ class PathSolver:
     def accept(self, problem: PathProblem, result: Result, starts: tuple[int, int] = (1, 1)) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
         x, violation = result.x, result.violation
-        if NEARLY_FEASIBLE > violation > self.tolerance:
-            # The iterations ended just before the constraints held: the nearest feasible path costs as much.
-            x, violation = nearest_feasible(problem, x, 0.5 * self.tolerance)
+        for _ in range(CORRECTIONS):
+            if NEARLY_FEASIBLE > violation > self.tolerance:
+                # The iterations ended just before the constraints held: the nearest feasible path costs as much.
+                x, violation = nearest_feasible(problem, x, 0.5 * self.tolerance)
+            active = problem.constraints.active
+            if violation > self.tolerance or active is None or not active.add_violated(*problem.split(x)):
+                break
+            # A joint that rested at its limit no longer does, so that it passes the limit between two slices, say.
+            problem = self.problem_of(problem.phases)(active)
+            violation = violation_max(*problem.evaluate(x)[1:])
         if violation > self.tolerance:
             return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
         # Steps of 1e-310 rad are none: those who interpolate a path divide by them.
