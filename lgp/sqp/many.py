@@ -34,6 +34,8 @@ FIRST_DAMPING = 1e-2
 as much after each further one."""
 NEAR = 1e-2
 """Violation below which a cost is near that of the feasible point."""
+LARGEST_NUMBER = 1e15
+"""Steps and multipliers from which on a system was singular but for rounding."""
 LARGEST_DAMPING = 1e3
 """Damping at which a problem is given up."""
 
@@ -129,6 +131,7 @@ def solve_many(
         diagonal = np.einsum("bii->bi", model.hessian)
         diagonal += (damping[open_] * diagonal.max(axis=1, initial=0.0))[:, None]
         solved = _solve_qps(model, low[open_] - x[open_], high[open_] - x[open_], side[open_], active[open_])
+        _drop_unusable(solved)
         y_eq[open_], y_in[open_] = solved.y_eq, solved.y_in
         side[open_], active[open_] = solved.side, solved.active
         step, slope, curvature = solved.step, *_slopes(model, solved.step)
@@ -174,6 +177,15 @@ def solve_many(
         far = (cost[open_] - np.maximum(predicted, 0.0) > cost_ratio * best) & (_largest(eq[open_], ineq[open_]) < NEAR)
         open_ = open_[~done & ~far & (damping[open_] <= LARGEST_DAMPING)]
     return ManyResults(x, cost, _largest(eq, ineq), taken, converged)
+
+
+def _drop_unusable(solved: _Step) -> None:
+    """Replace steps of nearly singular systems by none, so that they are damped: their numbers overflow."""
+    parts = (solved.step, solved.y_eq, solved.y_in)
+    usable = np.all([(np.abs(part) < LARGEST_NUMBER).all(axis=1) for part in parts], axis=0)
+    for part in parts:
+        part[~usable] = 0.0
+    solved.settled[~usable] = False
 
 
 def violation_sums(eq: Array, ineq: Array) -> Array:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lgp.sqp import many
 from lgp.sqp.many import ManyModels, solve_many
 from lgp.sqp.problem import FunctionProblem, SolverOptions
 from lgp.sqp.solver import solve
@@ -85,3 +86,25 @@ def test_an_unknown_with_equal_bounds_is_a_parameter_of_its_problem():
         alone_problem.lower[0] = alone_problem.upper[0] = value
         single = solve_many(alone_problem, both[None] + 0.05, violation=1e-8, decrease=1e-10, iterations=60)
         assert both == pytest.approx(single.x[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1e300])
+def test_a_start_whose_system_is_singular_spoils_no_other(monkeypatch, number):
+    """Its multipliers overflow; a decomposition of all problems at once refuses such numbers."""
+    solve, asked = many._solve_qps, []
+
+    def first_one_fails(model, *rest):
+        assert np.isfinite(model.hessian).all()
+        step = solve(model, *rest)
+        if not asked:
+            step.step[0], step.y_eq[0] = number, number
+        asked.append(1)
+        return step
+
+    starts = np.random.default_rng(0).uniform(-1.5, 1.5, (3, 3))
+    whole = many.solve_many(Spring(2.0), starts)
+    monkeypatch.setattr(many, "_solve_qps", first_one_fails)
+    results = many.solve_many(Spring(2.0), starts)
+    assert len(asked) > 1
+    assert np.array_equal(results.x[1:], whole.x[1:])
+    assert np.isfinite(results.x).all()
