@@ -8,8 +8,8 @@
 
 Inputs are small valid files with structure-aware mutations, determined by seed and number; with `--engine atheris`
 mutations of whatever reached new branches. Each is used in a process that may map 1 GiB beyond the memory of the
-imports, and is stopped after `--seconds` of processor time. An error of another class than the package's, a message of several lines, a
-crash, a timeout and exceeded memory are findings: the input is saved, and the exit code is 1.
+imports, and is stopped after `--seconds` of processor time. An error of another class than the package's, a message of
+several lines, a crash, a timeout and exceeded memory are findings: the input is saved, and the exit code is 1.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ class ScoringOptions:
 class RecordingResult:
     """Summary of one input (the JSON object of a recording) or its error; `scores` only if requested.
 
-    `hash` is the SHA-256 of the recording if the reader computed it, else "". `unwritten`: it was scored, but the scores
-    could not be written, and former ones are still there.
+    `hash` is the SHA-256 of the recording if the reader computed it, else "". `unwritten`: it was scored, but its
+    scores could not be written, and former ones are still there.
     """
 
     input: str

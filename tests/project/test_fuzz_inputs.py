@@ -155,7 +155,8 @@ def test_an_input_that_ends_the_process_is_not_left_in_the_current_folder(
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
     ours.close()  # nobody listens: the first report ends the process
-    process = context.Process(target=guided_engine(folder), args=("rules", 0, range(9), MEMORY, 20.0, theirs), daemon=True)
+    arguments = ("rules", 0, range(9), MEMORY, 20.0, theirs)
+    process = context.Process(target=guided_engine(folder), args=arguments, daemon=True)
     process.start()
     theirs.close()
     process.join(timeout=60)
