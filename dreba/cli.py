@@ -44,6 +44,7 @@ from reba.command_line import (
     parallel_options,
     print_json,
     run,
+    tell,
 )
 from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import COLUMNS
@@ -226,8 +227,9 @@ def _evaluation_poses(
 
 
 def _read(path: str, joints: Any, hold: Any) -> Poses:
-    """Return the poses of a file; the reader of a recording has warned of radians, so the model need not."""
+    """Return the poses of a file and say what its reader noticed; it has warned of radians, so the model need not."""
     poses = read_poses(path, joints=joints, hold=hold)
+    tell(poses.provenance.get("warnings", ()))
     if "recording" in poses.provenance:
         warnings.simplefilter("ignore", RadiansWarning)
     return poses

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from dreba.sampling.sample import sample
 from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import PUBLISHED, published_overall, with_error
 from reba.arrays import Array
+from reba.files import from_json
 from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, BEST, COLUMNS, GROUP_A, GROUP_B, INDEX, SIDES
 from reba.posture.named_angles import LARGEST
@@ -162,14 +162,14 @@ def usefulness_table(path: str | Path) -> dict[str, Any]:
     """Return the table of usefulness of a file of `dreba compare --json`; ModelError for another file."""
     wrong = f"{path}: has no table of usefulness; give the output of `dreba compare --json` with reach tasks"
     try:
-        table: dict[str, Any] = json.loads(read_settings(path))["enabler"]
+        table: dict[str, Any] = from_json(read_settings(path))["enabler"]
         for name in (table["rows"][0]["model"], *(row["model"] for row in table["rows"])):
             _usefulness(_usefulness_of(table, name), name, len(COLUMNS))  # whatever a card needs is there
     except OSError as error:
         raise ModelError(
             f"{path}: cannot be read ({error.strerror or error}); give the output of `dreba compare --json`"
         ) from error
-    except (UnicodeDecodeError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ModelError(wrong) from error
     return table
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -15,6 +15,7 @@ from dreba.sampling.classes import WEIGHTS
 from dreba.sampling.poses import MEASURED, NEUTRAL, Poses
 from dreba.sampling.sample import FACTOR_NAMES, MAX_POSES
 from dreba.sampling.sample import sample as draw
+from reba.checks import shown
 from reba.command_line import SEED
 from reba.errors import did_you_mean
 from reba.posture.columns import columns_named
@@ -22,8 +23,6 @@ from reba.posture.columns import columns_named
 if TYPE_CHECKING:
     from dreba.surrogates.base import Surrogate
 
-MAX_CLASS: Final = 99
-"""Largest class of a range FIRST:LAST: above 15, so that an error names the first class that is not a REBA score."""
 CLASSES: Final = "1:10"
 """Default classes, those of the published Table I."""
 PAPER: Final = ("class_power=1", "payload=linear", "payload_only=true")
@@ -127,15 +126,13 @@ def draw_poses(drawing: dict[str, Any], rng: Any, domain: str | Domain = "human"
     )
 
 
-def classes_of(text: str) -> list[int]:
+def classes_of(text: str) -> Sequence[int]:
     """Return the scores of "1:10" or "1,2,5"; SampleError for any other text."""
     try:
         low, colon, high = text.partition(":")
-        return (
-            list(range(int(low), min(int(high), MAX_CLASS) + 1)) if colon else [int(score) for score in text.split(",")]
-        )
+        return range(int(low), int(high) + 1) if colon else [int(score) for score in text.split(",")]
     except ValueError as error:
-        raise SampleError(f"classes are {text!r}; expected FIRST:LAST or a list such as 1,2,5") from error
+        raise SampleError(f"classes are {shown(text)}; expected FIRST:LAST or a list such as 1,2,5") from error
 
 
 def joints_of(text: str | None) -> str | tuple[str, ...] | None:
@@ -156,7 +153,7 @@ def hold_of(text: str | None) -> str | dict[str, float] | None:
             degrees = float(angle)
         except ValueError as error:
             raise SampleError(
-                f"hold is {item!r}; expected {NEUTRAL} alone, or COLUMN=DEGREES by commas, such as wrist_twist=0"
+                f"hold is {shown(item)}; expected {NEUTRAL} alone, or COLUMN=DEGREES by commas, such as wrist_twist=0"
             ) from error
         held |= dict.fromkeys(columns_named([name.strip()], SampleError), degrees)
     return held
@@ -216,6 +213,6 @@ def unfitted(kind: str, options: tuple[str, ...], domain: str | Domain | None, j
             raise ModelError("--option joints is not allowed; use --joints")
         try:
             parameters[name] = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):  # no JSON, too many digits or levels: a text, which the model judges
             parameters[name] = value
     return KINDS[kind](**parameters)

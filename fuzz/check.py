@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import signal
 import sys
 import tempfile
+import time
 import traceback
 import warnings
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -59,8 +62,36 @@ def check(target: Target, data: bytes) -> Result:
     return Result("read", "")
 
 
-def work(name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
-    """Test inputs one after another; send the number before each, its result after it, and the memory at the end."""
+def report(pipe: Connection, number: int, target: Target, data: bytes, seconds: float) -> Result:
+    """Use one input, send its number before and its result and processor time [s] after it, and return the result.
+
+    Beyond `seconds` of processor time, which other programs do not use up as they do time of the clock, the system ends
+    the process.
+    """
+    pipe.send((number, None))
+    with processor_time(seconds):
+        began = time.process_time()
+        result = check(target, data)
+        took = time.process_time() - began
+    pipe.send((number, (result, took)))
+    return result
+
+
+@contextlib.contextmanager
+def processor_time(seconds: float) -> Iterator[None]:
+    """End this process by SIGPROF if it computes longer than that meanwhile, if the system supports it."""
+    if not hasattr(signal, "setitimer"):
+        yield
+        return
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def work(name: str, seed: int, numbers: range, memory: int, seconds: float, pipe: Connection) -> None:
+    """Test inputs one after another, see `report`; send the memory at the end."""
     target = TARGETS[name]
     # Libraries in C print messages about damaged files.
     with open(os.devnull, "w") as null:
@@ -70,8 +101,7 @@ def work(name: str, seed: int, numbers: range, memory: int, pipe: Connection) ->
     before = peak()
     limit(memory)
     for number in numbers:
-        pipe.send((number, None))
-        pipe.send((number, check(target, target.input(seed, number))))
+        report(pipe, number, target, target.input(seed, number), seconds)
     pipe.send((-1, peak() - before))
     pipe.close()
 

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import mutate
-from check import check, limit, peak
+from check import check, limit, peak, report
 from targets import TARGETS
 
 INSTRUMENTED = ["reba", "dreba", "lgp", "tomllib", "mcap", "pddl"]
@@ -31,8 +31,10 @@ def corpus_folder(folder: Path, name: str, seed: int) -> Path:
     return folder / "corpus" / f"{name}-{seed}"
 
 
-def work(folder: Path, seconds: float, name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
-    """Test inputs one after another, for at most some seconds; report as `check.work` does."""
+def work(
+    folder: Path, lasting: float, name: str, seed: int, numbers: range, memory: int, seconds: float, pipe: Connection
+) -> None:
+    """Test inputs one after another, lasting at most some seconds; report as `check.work` does."""
     import atheris
 
     target = TARGETS[name]
@@ -49,7 +51,7 @@ def work(folder: Path, seconds: float, name: str, seed: int, numbers: range, mem
     before = peak()
     limit(memory)
     left = iter(numbers)
-    end = time.monotonic() + seconds
+    end = time.monotonic() + lasting
 
     def use(data: bytes) -> None:
         number = next(left, None)
@@ -60,9 +62,7 @@ def work(folder: Path, seconds: float, name: str, seed: int, numbers: range, mem
         # No seed and number lead to this input again: it is on the disk before it can end the process.
         saved = input_file(folder, name, seed, number)
         saved.write_bytes(data)
-        pipe.send((number, None))
-        result = check(target, data)
-        pipe.send((number, result))
+        result = report(pipe, number, target, data, seconds)
         if result.outcome != "finding":
             saved.unlink()
 

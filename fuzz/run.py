@@ -8,8 +8,8 @@
 
 Inputs are small valid files with structure-aware mutations, determined by seed and number; with `--engine atheris`
 mutations of whatever reached new branches. Each is used in a process that may map 1 GiB beyond the memory of the
-imports and is stopped after `--seconds`. An error of another class than the package's, a message of several lines, a
-crash, a timeout and exceeded memory are findings: the input is saved, and the exit code is 1.
+imports, and is stopped after `--seconds` of processor time. An error of another class than the package's, a message of
+several lines, a crash, a timeout and exceeded memory are findings: the input is saved, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import importlib.util
 import json
 import multiprocessing
 import os
+import signal
 import sys
 import tempfile
 import time
@@ -40,6 +41,9 @@ Engine = Callable[..., None]
 """Tests inputs in a process of its own, as `check.work` does."""
 
 SECONDS = 20.0
+"""Processor time that one input may take [s]."""
+WAIT = 60.0
+"""Time of the clock after which an input counts as hanging, in multiples of its processor time: machines are busy."""
 BATCH = 1000
 """Inputs per process, small enough that jobs share the work evenly."""
 START = 300.0
@@ -75,7 +79,7 @@ def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, en
     context = multiprocessing.get_context("spawn")
     while len(numbers):
         ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=engine, args=(name, seed, numbers, MEMORY, theirs), daemon=True)
+        process = context.Process(target=engine, args=(name, seed, numbers, MEMORY, seconds, theirs), daemon=True)
         process.start()
         theirs.close()
         current, began, allowed = None, time.monotonic(), START
@@ -92,8 +96,8 @@ def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, en
             if number == -1:
                 tally.grown = max(tally.grown, message)
             elif message is not None:
-                tally.add(number, message, time.monotonic() - began)
-            current, began, allowed = number, time.monotonic(), seconds
+                tally.add(number, *message)
+            current, began, allowed = number, time.monotonic(), WAIT * seconds
         if failed:
             process.kill()
         process.join()
@@ -102,6 +106,8 @@ def run_batch(name: str, seed: int, numbers: range, seconds: float = SECONDS, en
             break
         if current is None:
             raise RuntimeError(f"{name}: the seeds are not read: {failed}, exit code {process.exitcode}")
+        if process.exitcode == -getattr(signal, "SIGPROF", 0):
+            failed = f"no end after {seconds:g} s of processor time"
         tally.add(current, Result("finding", f"{failed}, exit code {process.exitcode}"), time.monotonic() - began)
         numbers = range(current + 1, numbers.stop)
     return tally
@@ -152,7 +158,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--engine", choices=["mutations", "atheris"], default="mutations", help="source of the inputs")
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="that one input may take")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="of processor time that one input may take")
     parser.add_argument(
         "--minutes", type=float, default=float("inf"), help="most that a target gets of atheris; fewer inputs then"
     )

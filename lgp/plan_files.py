@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from lgp.kinematics.interpolation import NAME as INTERPOLATION
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import read_scene
 from reba.arrays import Array, Indices
-from reba.files import as_json, write_folder, write_text
+from reba.files import as_json, from_json, write_folder, write_text
 from reba.open_file import open_regular, read_settings
 from reba.posture.columns import COLUMNS
 from reba.provenance import write_parquet
@@ -121,7 +120,7 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], SavedMotion | None]:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        data = json.loads(read_settings(file))
+        data = from_json(read_settings(file))
     except (OSError, ValueError, RecursionError) as error:
         raise LgpError(f"{file}: cannot be read as a plan ({error}); give a folder that `lgp plan -o` wrote") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:

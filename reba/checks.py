@@ -110,9 +110,19 @@ MOMENT: Final = Allowed(
 """A time of a recording [s]."""
 POSITIVE: Final = Allowed("a number above 0", lambda value: is_finite(value) and value > 0)
 NOT_NEGATIVE: Final = Allowed("a number, 0 or more", lambda value: is_finite(value) and value >= 0)
-COUNT: Final = Allowed(
-    "a whole number from 1 to 1000000000", lambda value: _is_whole(value) and 0 < value <= 1_000_000_000
-)
+
+
+def at_most(most: float) -> Allowed:
+    """Return that an argument is a number above 0 up to another one."""
+    return Allowed(f"a number above 0, at most {most:g}", lambda value: is_finite(value) and 0 < value <= most)
+
+
+def count_to(most: int) -> Allowed:
+    """Return that an argument is a whole number from 1 to another one."""
+    return Allowed(f"a whole number from 1 to {most}", lambda value: _is_whole(value) and 0 < value <= most)
+
+
+COUNT: Final = count_to(1_000_000_000)
 SEED: Final = Allowed("a whole number from 0 to 4294967295", lambda value: _is_whole(value) and 0 <= value < 2**32)
 
 

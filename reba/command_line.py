@@ -12,7 +12,7 @@ import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 import click
@@ -126,7 +126,12 @@ def echo_notes(*recordings: Any) -> None:
     Args:
         recordings: posture tables.
     """
-    for note in dict.fromkeys(note for one in recordings for note in one.quality.notes()):
+    tell(dict.fromkeys(note for one in recordings for note in one.quality.notes()))
+
+
+def tell(notes: Iterable[str]) -> None:
+    """Print notes on standard error."""
+    for note in notes:
         echo(f"note: {note}", err=True)
 
 

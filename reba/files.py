@@ -58,6 +58,30 @@ def plain_data(value: Any, non_finite: NonFinite = "null") -> Any:
     return value
 
 
+def from_json(text: str | bytes) -> Any:
+    """Return the data of a JSON text of a user, with numbers that floats hold: no NaN, 1e999 or 401 digits.
+
+    Raises:
+        ValueError, RecursionError: it is no JSON, has another number, or is nested too deep.
+
+    >>> from_json('{"rate": 1e999}')
+    Traceback (most recent call last):
+    ValueError: a value is 1e999; expected finite numbers
+    """
+    return json.loads(text, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
+
+
+def _finite(text: str) -> float:
+    if math.isfinite(number := float(text)):
+        return number
+    raise ValueError(f"a value is {text[:20]}; expected finite numbers")
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
+
+
 def write_atomic(
     path: str | Path,
     write: Callable[[Path], None],

@@ -188,7 +188,8 @@ def read_poses(
     """Read poses from a file of `dreba sample`, or score the frames of any readable recording.
 
     Frames without all angles are left out. Columns that are not joints of the model are held at an angle, in the poses
-    and in their true scores; the provenance names them with this angle.
+    and in their true scores; the provenance names them with this angle, and what the reader noticed of a recording
+    (`warnings`).
 
     Args:
         path: file.
@@ -280,6 +281,8 @@ def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain,
     scores = reba.score(reba.read(path), rules=rules, activity="none", missing="neutral")
     name = Path(path).name
     provenance: dict[str, Any] = {"recording": name, "frames": len(scores.angles), "rules": scores.rules.name}
+    if notes := scores.postures.quality.notes():
+        provenance["warnings"] = notes
     domain = Domain(name, {}, scores.rules, source=f"smallest and largest angles in {name}")
     totals = np.asarray(scores.data["reba"], np.uint8)
     return Poses(scores.angles, totals, scores.factors, provenance), domain, tuple(map(str, scores.postures.data))

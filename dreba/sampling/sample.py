@@ -19,6 +19,7 @@ Class 1 is 1e-5 to 1e-4 of uniform draws, so rejection would need 10^5 draws per
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
@@ -43,6 +44,8 @@ ADJUSTMENTS: Final = (
     "wrist_deviation", "wrist_twist",
 )  # fmt: skip
 """Angles that give an adjustment only, one point beyond their threshold."""
+MOST_CLASSES: Final = 15
+"""REBA scores from 1; of longer ranges the first that is none is named."""
 MAX_POSES: Final = 20_000_000
 """Maximum number of poses of a call; they take 8 GB."""
 _ARM: Final = (
@@ -132,14 +135,14 @@ def _held(domain: Domain, adjustments: bool, arms: str) -> Domain:
 
 def _classes(classes: Iterable[int]) -> tuple[int, ...]:
     try:
-        scores = tuple(classes)
+        scores = tuple(itertools.islice(classes, MOST_CLASSES + 1))
         repeated = len(set(scores)) != len(scores)
     except TypeError as error:
         raise SampleError(f"classes are {shown(classes)}; expected REBA scores such as range(1, 11)") from error
     if not scores or repeated:
-        raise SampleError(f"classes are {scores}; expected each REBA score once, at least one")
+        raise SampleError(f"classes are {shown(scores)}; expected each REBA score once, at least one")
     for score in scores:
-        if isinstance(score, bool) or not isinstance(score, int | np.integer) or not 1 <= score <= 15:
+        if isinstance(score, bool) or not isinstance(score, int | np.integer) or not 1 <= score <= MOST_CLASSES:
             raise SampleError(f"class {shown(score)} is not a REBA score; expected whole numbers from 1 to 15")
     return tuple(int(score) for score in scores)
 

@@ -13,7 +13,7 @@ from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors, varying
 from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array, Indices
-from reba.checks import COUNT, POSITIVE, Allowed
+from reba.checks import Allowed, at_most, count_to
 from reba.method.rules import load_points
 from reba.posture.columns import ANGLES, BEST, MIRRORED
 from reba.posture.factors import load_kg
@@ -66,7 +66,7 @@ class ConvexModel(Surrogate):
     mirror = True
     learned: ClassVar[dict[str, int]] = {"knots_": 2, "weights_": 2, "constant_": 0, "points_": 1}
 
-    allowed: ClassVar[dict[str, Allowed]] = {"knots": COUNT, "width": POSITIVE}
+    allowed: ClassVar[dict[str, Allowed]] = {"knots": count_to(1000), "width": at_most(360)}
 
     knots_: Array
     weights_: Array

@@ -18,9 +18,9 @@ from dreba.surrogates.registry import ModelInfo, register
 from dreba.surrogates.serialization import from_dict, to_dict
 from dreba.surrogates.soft import LADDER, SoftModel
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import FALLING
+from dreba.surrogates.validation import FALLING, TEMPERATURE
 from reba.arrays import Array
-from reba.checks import COUNT, POSITIVE, SEED, Allowed, accepts, instance, one_of
+from reba.checks import SEED, Allowed, accepts, count_to, instance, one_of
 
 FIRST: dict[str, type[Surrogate]] = {"quadratic": QuadraticModel, "convex": ConvexModel}
 """Kinds of the first stage."""
@@ -80,8 +80,8 @@ class GraduatedModel(Surrogate):
     allowed: ClassVar[dict[str, Allowed]] = {
         "first": one_of(*FIRST),
         "ladder": FALLING,
-        "temperature": POSITIVE,
-        "updates": COUNT,
+        "temperature": TEMPERATURE,
+        "updates": count_to(1_000_000),
         "seed": SEED,
     }
 

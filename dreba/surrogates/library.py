@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +15,7 @@ from dreba.surrogates.relu_network import NetModel
 from dreba.surrogates.serialization import from_dict
 from dreba.surrogates.soft import SoftModel
 from reba.checks import PATH, accepts
+from reba.files import from_json
 from reba.open_file import read_settings
 
 __all__ = [
@@ -61,7 +61,7 @@ def load(path: str | Path) -> Surrogate:
             f"{path}: cannot be read as a model ({reason}); give a file, or one of {', '.join(shipped)}"
         ) from error
     try:
-        return from_dict(json.loads(text, parse_constant=_refuse_constant))
+        return from_dict(from_json(text))
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
     except (RecursionError, ValueError) as error:
@@ -71,7 +71,3 @@ def load(path: str | Path) -> Surrogate:
 def models() -> tuple[str, ...]:
     """Return the names of the shipped models."""
     return tuple(sorted(file.stem for file in SHIPPED.glob("*.json")))
-
-
-def _refuse_constant(name: str) -> float:
-    raise ModelError(f"a value is {name}; expected finite numbers, the file is damaged")

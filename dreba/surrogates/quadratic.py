@@ -16,7 +16,7 @@ from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import OMEGA_LOAD, PAYLOADS, Payload, TaskFactors, delta_payload, varying
 from dreba.surrogates.validation import check_sample_count
 from reba.arrays import Array
-from reba.checks import NOT_NEGATIVE, POSITIVE, YES_NO, Allowed, one_of
+from reba.checks import YES_NO, Allowed, at_most, is_finite, one_of
 from reba.posture.columns import ANGLES, BEST, COLUMNS, MIRRORED
 
 
@@ -68,9 +68,9 @@ class QuadraticModel(Surrogate):
         "curvature": one_of("nonnegative", "any"),
         "minimum": one_of(*MINIMA).or_none(),
         "payload": one_of(*PAYLOADS),
-        "omega_load": POSITIVE,
+        "omega_load": at_most(10_000),
         "payload_only": YES_NO,
-        "class_power": NOT_NEGATIVE,
+        "class_power": Allowed("a number from 0 to 100", lambda value: is_finite(value) and 0 <= value <= 100),
     }
 
     polynomials_: Array

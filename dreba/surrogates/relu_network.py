@@ -19,7 +19,7 @@ from dreba.surrogates.registry import register
 from dreba.surrogates.task_factors import TaskFactors
 from dreba.surrogates.validation import COUNTS, check_sample_count
 from reba.arrays import Array
-from reba.checks import COUNT, SEED, Allowed
+from reba.checks import SEED, Allowed, count_to
 from reba.method.rules import load_points
 from reba.posture.factors import load_kg
 
@@ -46,7 +46,7 @@ class NetModel(Surrogate):
     learned: ClassVar[dict[str, int]] = {"layers_": 0, "biases_": 0, "middle_": 1, "spread_": 1}
     """Weights and biases of the layers; mean (`middle_`) and standard deviation (`spread_`) of the inputs."""
 
-    allowed: ClassVar[dict[str, Allowed]] = {"layers": COUNTS, "epochs": COUNT, "seed": SEED}
+    allowed: ClassVar[dict[str, Allowed]] = {"layers": COUNTS, "epochs": count_to(1_000_000), "seed": SEED}
 
     layers_: list[Array]
     biases_: list[Array]

@@ -13,9 +13,9 @@ from dreba.surrogates.base import Surrogate
 from dreba.surrogates.registry import register
 from dreba.surrogates.soft_tables import SoftTables
 from dreba.surrogates.task_factors import TaskFactors
-from dreba.surrogates.validation import FALLING, check_parameters
+from dreba.surrogates.validation import FALLING, TEMPERATURE, check_parameters
 from reba.arrays import Array
-from reba.checks import COUNT, POSITIVE, SEED, YES_NO, Allowed, accepts
+from reba.checks import SEED, YES_NO, Allowed, accepts, count_to
 from reba.method.rules import Rules, load_points, rules_of
 from reba.posture.columns import ANGLES, COLUMNS
 from reba.posture.factors import load_kg
@@ -62,9 +62,9 @@ class SoftModel(Surrogate):
 
     allowed: ClassVar[dict[str, Allowed]] = {
         "ladder": FALLING,
-        "temperature": POSITIVE,
+        "temperature": TEMPERATURE,
         "learn": YES_NO,
-        "updates": COUNT,
+        "updates": count_to(1_000_000),
         "seed": SEED,
     }
 
@@ -93,7 +93,7 @@ class SoftModel(Surrogate):
         self.seed = seed
         self.joints = joints
 
-    @accepts(ModelError, temperature=POSITIVE.or_none())
+    @accepts(ModelError, temperature=TEMPERATURE.or_none())
     def tables(self, temperature: float | None = None) -> SoftTables:
         """Return the tables at a temperature [deg]: one of the ladder if learned, else any; None for the default.
 

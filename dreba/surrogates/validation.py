@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from reba.arrays import Array
-from reba.checks import COUNT, POSITIVE, Allowed, shown
+from reba.checks import Allowed, at_most, count_to, shown
 from reba.errors import did_you_mean
 from reba.posture.columns import COLUMNS
 
@@ -80,15 +80,18 @@ JOINTS: Final = Allowed(
     ),
 )
 COUNTS: Final = Allowed(
-    "whole numbers above 0, such as (124, 7)",
-    lambda value: isinstance(value, tuple | list) and len(value) > 0 and all(COUNT.fits(item) for item in value),
+    "1 to 32 whole numbers above 0, at most 4096, such as (124, 7)",
+    lambda value: isinstance(value, tuple | list) and 0 < len(value) <= 32 and all(map(count_to(4096).fits, value)),
 )
+LARGEST_TEMPERATURE: Final = 10_000
+"""[deg] Far above every angle: all scores are one there."""
+TEMPERATURE: Final = at_most(LARGEST_TEMPERATURE)
 FALLING: Final = Allowed(
-    "falling temperatures above 0 [deg], such as (16.0, 8.0, 4.0, 2.0, 1.0)",
+    f"falling temperatures above 0 [deg], at most {LARGEST_TEMPERATURE}, such as (16.0, 8.0, 4.0, 2.0, 1.0)",
     lambda value: (
         isinstance(value, tuple | list)
         and len(value) > 0
-        and all(POSITIVE.fits(item) for item in value)
+        and all(map(TEMPERATURE.fits, value))
         and all(blunt > sharp for blunt, sharp in pairwise(value))
     ),
 )

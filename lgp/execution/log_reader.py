@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from lgp.execution.events import LONGEST_RUN, Event
 from lgp.execution.log import RunLog
 from lgp.kinematics.world import World
 from lgp.plan_record import Plan
-from reba.files import lock_exclusively
+from reba.files import from_json, lock_exclusively
 from reba.open_file import open_regular
 from reba.provenance import generator
 from reba.readers.mcap.container import Container
@@ -134,11 +133,11 @@ def read_logged_run(file: Path) -> LoggedRun | None:
         last = max(last, message.stamp)
         try:
             if message.topic == "/events":
-                events.append(Event.read(json.loads(message.data)))
+                events.append(Event.read(from_json(message.data)))
             elif message.topic == "/state":
-                state = Checkpoint.read(json.loads(message.data))
+                state = Checkpoint.read(from_json(message.data))
             elif message.topic == "/plan":
-                table = TomlTable("the plan", json.loads(message.data))
+                table = TomlTable("the plan", from_json(message.data))
                 digests[table.text("folder")] = table.text("digest")
         except (ValueError, RecursionError) as error:
             raise damaged(file, error) from error

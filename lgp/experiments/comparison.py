@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +13,7 @@ from lgp.experiments.summary import write_summary
 from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST
 from lgp.files import REPORT, SUMMARY
 from lgp.statistics.formatting import number, p_value
-from reba.files import plain_data, write_folder, write_text
+from reba.files import from_json, plain_data, write_folder, write_text
 from reba.open_file import read_settings
 from reba.provenance import with_provenance
 from reba.report.page import template
@@ -86,7 +85,7 @@ def _summary(folder: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
-        stored = json.loads(read_settings(file))
+        stored = from_json(read_settings(file))
     except (OSError, ValueError, RecursionError) as error:
         raise LgpError(f"{file}: cannot be read ({error}); delete the folder and repeat the command") from error
     if not isinstance(stored, dict):

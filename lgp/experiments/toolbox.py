@@ -7,7 +7,6 @@ best motions.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,7 +42,7 @@ from lgp.planner import plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.search.records import Budget
 from reba.checks import NOT_NEGATIVE, PATH, YES_NO, accepts
-from reba.files import plain_data, write_atomic, write_folder
+from reba.files import from_json, plain_data, write_atomic, write_folder
 from reba.open_file import read_settings
 from reba.outputs import FolderOutput, check_outputs
 from reba.provenance import MEMBER, other_version, with_provenance, write_parquet
@@ -182,7 +181,7 @@ def finished_summary(folder: str | Path, settings: Mapping[str, Any]) -> dict[st
     """Return the summary in a folder, None where there is none of these settings and this version."""
     file = Path(folder) / SUMMARY
     try:
-        stored = json.loads(read_settings(file)) if file.exists() else None
+        stored = from_json(read_settings(file)) if file.exists() else None
     except (OSError, ValueError, RecursionError):
         return None
     if not isinstance(stored, dict) or stored.get("settings") != plain_data(dict(settings)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import secrets
 import shutil
 import threading
@@ -11,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any, Final
 
+from reba.checks import is_finite, shown
 from reba.errors import RebaError
 from reba.method.measurement_error import MEASUREMENTS
 from reba.method.rules import PRESETS
@@ -190,16 +190,12 @@ def _settings(given: Mapping[str, Any]) -> tuple[dict[str, Any], str, str | None
         if given.get(name) not in (None, "", *values):
             raise RebaError(f"{name} is {given[name]!r}; expected one of {', '.join(values)}")
     load = given.get("load")
-    if load is not None and not (_is_number(load) and 0 <= load <= LARGEST_LOAD):
-        raise RebaError(f"load is {load!r} kg; expected a number from 0 to {LARGEST_LOAD:g}")
+    if load is not None and not (is_finite(load) and 0 <= load <= LARGEST_LOAD):
+        raise RebaError(f"load is {shown(load)} kg; expected a number from 0 to {LARGEST_LOAD:g}")
     factors = {name: given[name] for name in ("coupling", "support") if given.get(name)}
     factors |= {name: True for name in ("shock", "arm_supported") if given.get(name) is True}
     factors |= {} if load is None else {"load": float(load)}
     return factors, given.get("rules") or "measured", given.get("error") or None
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _tasks(given: Any, whole: str) -> list[tuple[str, float | None, float | None]]:
@@ -211,8 +207,8 @@ def _tasks(given: Any, whole: str) -> list[tuple[str, float | None, float | None
     for one in given:
         name, times = str(one.get("name") or whole)[:MOST_NAME], [one.get("start"), one.get("end")]
         for time in times:
-            if time is not None and not _is_number(time):
-                raise RebaError(f"task {name!r}: {time!r} is no time; expected seconds")
+            if time is not None and not is_finite(time):
+                raise RebaError(f"task {name!r}: {shown(time)} is no time; expected seconds")
         tasks.append((name, *(None if time is None else float(time) for time in times)))
     return tasks  # type: ignore[return-value]
 

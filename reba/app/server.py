@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from reba.app.recordings import CHOICES, RESULTS, Recordings
 from reba.errors import RebaError
 from reba.extras import missing
+from reba.files import from_json
 from reba.loopback import Guard, bounded_connection
 from reba.report.page import read, template
 
@@ -175,7 +176,7 @@ async def _json(request: Request) -> Mapping[str, Any]:
         if len(text) > MOST_JSON:
             raise RebaError(f"the request has more than {MOST_JSON} bytes; send fewer tasks")
     try:
-        given = json.loads(text)
+        given = from_json(text)
     except (ValueError, RecursionError) as error:
         raise RebaError("the request is no JSON; reload the page") from error
     if not isinstance(given, dict):

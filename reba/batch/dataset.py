@@ -21,7 +21,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from reba._version import __version__
-from reba.batch.manifest import FAILED, LOCK, PARTITION, SCORED, Content, Entry, Manifest
+from reba.batch.manifest import FAILED, LOCK, PARTITION, SCORED, STARTED, Content, Entry, Manifest
 from reba.batch.run import RecordingResult, ScoringOptions
 from reba.errors import RebaError
 from reba.file_stamp import stamp_of
@@ -38,6 +38,7 @@ MAX_NAME: Final = 200
 NEW: Final = "new"
 CHANGED: Final = "the file changed"
 FAILED_BEFORE: Final = "failed before"
+INTERRUPTED: Final = "was interrupted"
 MISSING_SCORES: Final = "its scores are gone"
 REPORT: Final = "a report needs every frame"
 
@@ -126,6 +127,17 @@ class Dataset:
                 pending.append(PendingRecording(name, path, recording, output, reason, previous_hash))
         return pending
 
+    def begin(self, pending: PendingRecording, error: str | None = None) -> None:
+        """Append that a recording which has scores is scored again: they count no longer, whatever ends the scoring.
+
+        Args:
+            error: why the scoring ended with the former scores in place.
+        """
+        entry = self.manifest.entries.get(pending.path)
+        if entry is not None and entry.outcome != FAILED:
+            line = {**self.manifest.line(entry), "outcome": STARTED, "error": error}
+            self.manifest.append(line, at_once=error is None)
+
     def record(
         self,
         pending: PendingRecording,
@@ -166,7 +178,7 @@ class Dataset:
     def confirm(self, pending: PendingRecording, content: Content) -> None:
         """Append a line for a recording whose times changed but whose content did not."""
         line = self.manifest.line(self.manifest.entries[pending.path])
-        self.manifest.append({**line, **asdict(content)})
+        self.manifest.append({**line, **asdict(content), "outcome": SCORED})
 
     def results(self, inputs: Iterable[str]) -> Iterator[RecordingResult]:
         """Yield the result of each recording in the manifest, read one by one."""
@@ -175,7 +187,7 @@ class Dataset:
             if entry is None:
                 continue
             line = self.manifest.line(entry)
-            if entry.outcome == FAILED:
+            if entry.outcome != SCORED:
                 yield RecordingResult(name, error=line["error"])
             else:
                 output = str(self.output(entry.recording))
@@ -194,6 +206,8 @@ class Dataset:
             return "other options"
         if entry.outcome == FAILED:
             return FAILED_BEFORE
+        if entry.outcome == STARTED:
+            return INTERRUPTED
         if not self.output(entry.recording).is_file():
             return MISSING_SCORES
         now = stamp_of(path)
@@ -225,7 +239,7 @@ class Dataset:
 
     def _remove_unfinished(self) -> None:
         """Remove scores that are in no line of the manifest."""
-        scored = {entry.recording for entry in self.manifest.entries.values() if entry.outcome == SCORED}
+        scored = {entry.recording for entry in self.manifest.entries.values() if entry.outcome != FAILED}
         folders = {self.output(recording).parent.name for recording in scored}
         for folder in self.folder.glob(f"{PARTITION}*"):
             for file in folder.glob(f".{SCORES_FILE}.*.part"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -96,11 +96,18 @@ def score_into(
         lock = str(dataset.folder / LOCK)
         probe = partial(access_problem, pending[0].path, str(dataset.folder), lock, dataset.token)
     jobs = min(jobs, max(len(pending), 1))
-    for recording, result in run_parallel(work, pending, jobs=jobs, scheduler=scheduler, probe=probe):
+    for recording, result in run_parallel(work, _begun(dataset, pending), jobs=jobs, scheduler=scheduler, probe=probe):
         _record(dataset, run, recording, result, settings)
         on_done(recording.input)
     run.seconds = time.perf_counter() - start
     return run
+
+
+def _begun(dataset: Dataset, pending: Iterable[PendingRecording]) -> Iterator[PendingRecording]:
+    """Yield recordings to a pool that takes each shortly before it is scored."""
+    for one in pending:
+        dataset.begin(one)
+        yield one
 
 
 def score_pending(
@@ -141,7 +148,10 @@ def _record(
         dataset.confirm(pending, scored.content)
         run.unchanged += 1
         return
-    dataset.record(pending, result, scored.content, settings, scored.seconds)
+    if result.unwritten and pending.output.is_file():
+        dataset.begin(pending, result.error)
+    else:
+        dataset.record(pending, result, scored.content, settings, scored.seconds)
     run.scored[pending.reason] += 1
     run.failed += result.error is not None
     run.frames += 0 if result.summary is None else result.summary["frames"]

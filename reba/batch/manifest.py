@@ -30,6 +30,8 @@ SYNC_SECONDS: Final = 0.5
 """[s] Between two fsync calls: a power cut loses lines of this time at most, the end of this process loses none."""
 SCORED: Final = "scored"
 FAILED: Final = "failed"
+STARTED: Final = "started"
+"""Outcome of scoring again what has scores: until the next line of the recording they may be the former or new ones."""
 FIELDS: Final = (
     "recording", "input", "size", "modified", "hash", "version", "rules", "rules_hash", "options", "outcome",
 )  # fmt: skip
@@ -47,7 +49,7 @@ class Entry:
         recording: name in the dataset.
         size, modified, changed, hash: of the input, as in `Content`.
         version, rules_hash, options: of the scoring; options as JSON text.
-        outcome: `SCORED` or `FAILED`.
+        outcome: `SCORED`, `FAILED` or `STARTED`.
         offset, length: of the line in the manifest [bytes].
     """
 
@@ -90,14 +92,14 @@ class Manifest:
             self._file.close()
             raise
 
-    def append(self, line: dict[str, Any]) -> None:
-        """Append a line; after the return it survives the end of this process."""
+    def append(self, line: dict[str, Any], *, at_once: bool = False) -> None:
+        """Append a line; after the return it survives the end of this process, and a power cut if `at_once`."""
         data = as_json(line).encode() + b"\n"
         try:
             offset = self._file.seek(0, os.SEEK_END)
             self._file.write(data)
             self._file.flush()
-            if time.monotonic() - self._synced > SYNC_SECONDS:
+            if at_once or time.monotonic() - self._synced > SYNC_SECONDS:
                 self._sync()
         except OSError as error:
             raise RebaError(f"{self.path}: cannot be written ({error.strerror or error}); free disk space") from error

@@ -94,7 +94,8 @@ class ScoringOptions:
 class RecordingResult:
     """Summary of one input (the JSON object of a recording) or its error; `scores` only if requested.
 
-    `hash` is the SHA-256 of the recording if the reader computed it, else "".
+    `hash` is the SHA-256 of the recording if the reader computed it, else "". `unwritten`: it was scored, but its
+    scores could not be written, and former ones are still there.
     """
 
     input: str
@@ -102,6 +103,7 @@ class RecordingResult:
     error: str | None = None
     scores: Scores | None = None
     hash: str = ""
+    unwritten: bool = False
 
 
 def find_inputs(names: Sequence[str]) -> list[str]:
@@ -207,13 +209,14 @@ def score_one(
     path: str, output: Path | None, options: ScoringOptions, keep_scores: bool = False, as_ros: bool = False
 ) -> RecordingResult:
     """Score one recording; an error of the recording is a result, not an exception."""
+    scores: Scores | None = None
     try:
         scores = options.read_and_score(path)
         if output is not None:
             write_scores(scores, output, as_ros=as_ros)
         summary = {"input": path, **scores.summary(), "output": None if output is None else str(output)}
     except RebaError as error:
-        return RecordingResult(path, error=str(error))
+        return RecordingResult(path, error=str(error), unwritten=scores is not None)
     except MemoryError:
         return RecordingResult(path, error=f"{path}: does not fit into memory; score parts of it, or use fewer --jobs")
     except Exception as error:  # an unexpected error of one recording must not stop the others

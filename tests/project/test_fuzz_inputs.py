@@ -5,9 +5,11 @@ from __future__ import annotations
 import functools
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -19,8 +21,8 @@ sys.path.insert(0, str(ROOT / "fuzz"))
 
 import guided
 import run as fuzz
-from check import MEMORY, Result, check
-from targets import TARGETS
+from check import MEMORY, Result, check, report
+from targets import TARGETS, Target
 
 pytestmark = pytest.mark.slow
 
@@ -55,15 +57,13 @@ def test_seed_and_number_say_which_input(name: str) -> None:
 
 
 def test_other_errors_and_long_messages_are_findings() -> None:
-    from targets import Target
-
     from reba.errors import RebaError
 
     def raising(error: BaseException) -> Result:
         def use(path: Path) -> None:
             raise error
 
-        return check(Target("x", "x", list, lambda rng, data, seeds: data, use), b"")
+        return check(uses(use), b"")
 
     assert raising(RebaError("a\nb")) == ("refused", "RebaError")
     assert raising(KeyError("a")).outcome == "finding"
@@ -71,10 +71,27 @@ def test_other_errors_and_long_messages_are_findings() -> None:
     assert raising(SystemExit(1)).outcome == "finding"
 
 
-def sleeps(name: str, seed: int, numbers: range, memory: int, pipe: Connection) -> None:
+def sleeps(name: str, seed: int, numbers: range, memory: int, seconds: float, pipe: Connection) -> None:
     """Stand in for `check.work` and never come to an end."""
     pipe.send((numbers[0], None))
     time.sleep(600)
+
+
+def uses(use: Callable[[Path], object]) -> Target:
+    """Return a target that uses its inputs in this way."""
+    return Target("x", "x", list, lambda rng, data, seeds: data, use)
+
+
+def waits(name: str, seed: int, numbers: range, memory: int, seconds: float, pipe: Connection) -> None:
+    """Stand in for `check.work` on a machine that is busy with other programs."""
+    for number in numbers:
+        report(pipe, number, uses(lambda path: time.sleep(2.5 * seconds)), b"", seconds)
+    pipe.send((-1, 0))
+
+
+def computes(name: str, seed: int, numbers: range, memory: int, seconds: float, pipe: Connection) -> None:
+    """Stand in for `check.work` with inputs that never end."""
+    report(pipe, numbers[0], uses(lambda path: sum(iter(int, 1))), b"", seconds)
 
 
 def test_inputs_are_counted_and_a_hang_is_ended() -> None:
@@ -82,7 +99,17 @@ def test_inputs_are_counted_and_a_hang_is_ended() -> None:
     assert found.outcomes.total() == 30
     assert not found.findings
     hung = fuzz.run_batch("rules", 0, range(7, 8), seconds=0.1, engine=sleeps)
-    assert hung.findings == [(7, "no end after 0.1 s, exit code -9")]
+    assert hung.findings == [(7, "no end after 6 s, exit code -9")]
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="processor time is limited by setitimer")
+def test_the_time_of_an_input_is_that_of_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fuzz, "WAIT", 1000.0)
+    waited = fuzz.run_batch("rules", 0, range(2), seconds=0.2, engine=waits)
+    assert (waited.findings, waited.outcomes["read"]) == ([], 2)
+    assert waited.slowest < 0.2
+    hung = fuzz.run_batch("rules", 0, range(7, 8), seconds=0.2, engine=computes)
+    assert hung.findings == [(7, f"no end after 0.2 s of processor time, exit code {-signal.SIGPROF}")]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="address space is limited by setrlimit")
@@ -128,7 +155,8 @@ def test_an_input_that_ends_the_process_is_not_left_in_the_current_folder(
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
     ours.close()  # nobody listens: the first report ends the process
-    process = context.Process(target=guided_engine(folder), args=("rules", 0, range(9), MEMORY, theirs), daemon=True)
+    arguments = ("rules", 0, range(9), MEMORY, 20.0, theirs)
+    process = context.Process(target=guided_engine(folder), args=arguments, daemon=True)
     process.start()
     theirs.close()
     process.join(timeout=60)

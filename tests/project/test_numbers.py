@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,10 @@ import lgp
 import lgp.cli
 import reba
 import reba.cli
+from dreba.model_card import usefulness_table
+from dreba.options import classes_of, unfitted
+from dreba.surrogates.library import KINDS
+from dreba.surrogates.validation import check_parameters
 from lgp.execution.faults import parse_fault
 from lgp.execution.server import _number
 from lgp.scene.scene_file import SHIPPED, read_scene
@@ -78,6 +83,33 @@ def test_numbers_of_faults_have_a_range(text: str) -> None:
     with pytest.raises(lgp.LgpError) as error:
         parse_fault(text)
     says(error, "fault")
+
+
+@pytest.mark.parametrize("text", ["-99999999999:3", "1:99999999999", f"{HUGE}:{HUGE + 9}", "0", "9" * 5000, "nan", "x"])
+def test_classes_have_a_range(text: str) -> None:
+    with pytest.raises(dreba.SampleError) as error:
+        dreba.sample(3, classes_of(text))
+    says(error, "class")
+
+
+@pytest.mark.parametrize("text", ["9" * 5000, "[" * 100_000, "1e999", "NaN", "-Infinity", str(HUGE), "1e300"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_parameters_of_a_kind_have_a_range(kind: str, text: str) -> None:
+    for name, allowed in KINDS[kind].allowed.items():
+        for value in (text, f"[{text}]"):
+            model = unfitted(kind, (f"{name}={value}",), None, None)
+            with pytest.raises(dreba.ModelError) as error:
+                check_parameters({name: allowed}, model.get_params(deep=False))
+            says(error, name)
+
+
+def test_numbers_of_a_table_of_usefulness_have_a_range(tmp_path: Path) -> None:
+    path = tmp_path / "table.json"
+    enabler = {"rows": [{"model": "m"}], "space": "wide", "tasks": 1, "solver": "s"}
+    path.write_text(json.dumps({"enabler": enabler | {"certified": {"proved": HUGE, "tasks": 1}}}))
+    with pytest.raises(reba.RebaError) as error:
+        usefulness_table(path)
+    says(error, path, "dreba compare")
 
 
 def test_a_header_with_any_number_of_digits_is_no_event() -> None:

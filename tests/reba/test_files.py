@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 import reba
-from reba.files import as_json, plain_data, write_atomic, write_folder, write_text
+from reba.files import as_json, from_json, plain_data, write_atomic, write_folder, write_text
 from tests.support.says import says
 
 VALUES: dict[str, tuple[Any, Any]] = {
@@ -52,6 +52,13 @@ def test_floats_keep_every_digit() -> None:
 def test_non_finite_numbers_can_be_refused(value: object) -> None:
     with pytest.raises(ValueError, match="JSON"):
         as_json({"value": value}, non_finite="refuse")
+
+
+@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999", "-1e999", "9" * 401, "-" + "9" * 401, "9" * 5000])
+def test_numbers_that_floats_do_not_hold_are_no_data(number: str) -> None:
+    with pytest.raises(ValueError, match="finite numbers"):
+        from_json(f'{{"costs": [{number}]}}')
+    assert from_json(f"[{'9' * 300}, 1e300]") == [int("9" * 300), 1e300]
 
 
 def test_objects_that_json_does_not_have_are_an_error() -> None:

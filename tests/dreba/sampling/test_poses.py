@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 
 import dreba
+import dreba.cli
 import reba
 from dreba.domain import Domain
 from dreba.sampling.classes import true_scores
@@ -102,6 +104,25 @@ def test_wrong_requests_are_refused(lifts: Path, options: dict, fact: str) -> No
     with pytest.raises(dreba.SampleError) as error:
         dreba.read_poses(lifts, **options)
     says(error, fact)
+
+
+def test_what_the_reader_noticed_is_kept_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    odd = tmp_path / "odd.csv"
+    odd.write_text("time,trunk_flexion,neck_flexoin\n0,1,2\n2,1,2\n1,1,2\n3,1")
+    notes = reba.read(odd).quality.notes()
+    assert len(notes) >= 3
+    assert dreba.read_poses(odd, joints="measured").provenance["warnings"] == notes
+    for words in (
+        ["evaluate", "quadratic", "--hold", "neutral", "--json"],
+        ["compare", "quadratic", "--hold", "neutral", "--tasks", "0"],
+        ["fit", "--joints", "measured", "-o", str(tmp_path / "model.json")],
+    ):
+        monkeypatch.setattr(sys, "argv", ["dreba", *words, "--poses", str(odd)])
+        with pytest.raises(SystemExit):
+            dreba.cli.main()
+        assert capsys.readouterr().err.splitlines()[: len(notes)] == [f"note: {note}" for note in notes]
 
 
 def test_names_without_a_side_stand_for_both() -> None:

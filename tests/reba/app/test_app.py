@@ -119,6 +119,8 @@ def test_what_is_no_recording_is_one_line(address: str, name: str, content: byte
     [
         ({"load": -1}, ("load", "-1")),
         ({"load": True}, ("load", "True")),
+        ({"load": 10**400}, ("load", "1329 bits")),
+        ({"tasks": [{"name": "x", "end": 10**400}]}, ("'x'", "1329 bits", "seconds")),
         ({"rules": "mine.toml"}, ("rules", "mine.toml", "measured")),
         ({"coupling": "good "}, ("coupling", "good")),
         ({"colour": 1}, ("colour", "load")),

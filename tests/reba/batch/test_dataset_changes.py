@@ -159,6 +159,53 @@ def test_a_change_while_the_content_is_confirmed_is_seen(tmp_path: Path, monkeyp
     check_new_content(out, recording)
 
 
+@pytest.mark.parametrize("other", ["content", "rules"])
+def test_scores_whose_scoring_was_interrupted_never_count_as_the_former_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, other: str
+) -> None:
+    recording, kept, out = tmp_path / "a.csv", tmp_path / "kept.csv", tmp_path / "out"
+    recording.write_text(table(LOW))
+    run(out, [str(recording)])
+    former = scores_in(out)
+    recording.replace(kept)
+    recording.write_text(table(HIGH if other == "content" else LOW))
+    options = {} if other == "content" else {"rules": "paper"}
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    # The new scores are complete on the disk, and the manifest does not know of them.
+    monkeypatch.setattr(Dataset, "record", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run(out, [str(recording)], **options)
+    monkeypatch.undo()
+    assert not scores_in(out).equals(former)
+    kept.replace(recording)
+    assert dict(run(out, [str(recording)]).scored) == {"was interrupted": 1}
+    pd.testing.assert_frame_equal(scores_in(out), former)
+    assert run(out, [str(recording)]).unchanged == 1
+
+
+def test_scores_that_cannot_be_written_leave_the_former_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording, out = tmp_path / "a.csv", tmp_path / "out"
+    recording.write_text(table(LOW))
+    run(out, [str(recording)])
+    former = scores_in(out)
+
+    def full(*_: Any, **__: Any) -> None:
+        raise reba.RebaError("scores.parquet: cannot be written (No space left on device)")
+
+    monkeypatch.setattr(run_module, "write_scores", full)
+    with Dataset(out) as dataset:
+        again = score_into(dataset, [str(recording)], ScoringOptions(rules="paper"))
+        assert [one.error is None for one in dataset.results([str(recording)])] == [False]
+    assert again.failed == 1
+    pd.testing.assert_frame_equal(scores_in(out), former)
+    monkeypatch.undo()
+    assert dict(run(out, [str(recording)]).scored) == {"was interrupted": 1}
+    pd.testing.assert_frame_equal(scores_in(out), former)
+
+
 def write_split(folder: Path, number: int) -> None:
     folder.mkdir(exist_ok=True)
     frames = pd.DataFrame({"time": 20.0 * number + np.arange(20.0), "trunk_flexion": LOW})
