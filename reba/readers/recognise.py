@@ -200,7 +200,8 @@ def alike(fitting: Sequence[Match], best: Match) -> list[Match]:
 
 QUALIFIED = ("/{name}", "{id}/{name}", "{id}::{name}", "{id}:{name}", "{id}.{name}")
 """Patterns of namespaces, which hold for every profile of bare names: what stands before the name says whose it is."""
-PLACES = ("{name}_pos", "{name}_position", "{name}.pos", "{name}.position", "{name}/position")
+PLACES = ("{name}_pos", "{name}_position", "{name}.pos", "{name}.position", "{name}/position",
+          "{name}_landmark", "{name}_keypoint")  # fmt: skip
 """Patterns of what tables call the place of a point, beside its other values; for points."""
 AT_ONCE = 0.5
 """[s] In which two ids may overlap and still be one person whose id a tracker renewed; a choice."""

@@ -33,8 +33,9 @@ from reba.scores import Scores
 from reba.writers.mcap import write_mcap
 from reba.writers.xlsx import check_frames, write_xlsx
 
-BLOCK_ROWS: Final = 16_384
-"""Rows converted at a time, so that writing one hour (360,000 rows at 100 Hz) needs no second copy of the table."""
+BLOCK_ROWS: Final = 4096
+"""Rows converted at a time, a row group of Parquet, so that writing one hour (360,000 rows at 100 Hz) needs no second
+copy of the table; more of them take more memory and pack no better."""
 CSV_ROWS: Final = 2000
 """Rows that are texts in memory at once; a text takes ten times the memory of its number."""
 SUFFIXES: Final = (".parquet", ".csv", ".mcap", ".xlsx")

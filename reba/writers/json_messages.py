@@ -16,7 +16,7 @@ from pandas.api import types
 from reba.arrays import Indices
 from reba.posture.columns import COLUMNS
 
-BLOCK_ROWS: Final = 2048
+BLOCK_ROWS: Final = 512
 """Frames converted to JSON text at a time; bounds the memory for text."""
 _MISSING: Final = re.compile(r',"(?:[^"\\]|\\.)*":null')
 """A member without a value, not the first one. Inside of a text, quotes have a backslash before them."""

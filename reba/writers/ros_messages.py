@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from reba.arrays import Indices
 from reba.writers.json_messages import json_type
 
-BLOCK_ROWS: Final = 16_384
+BLOCK_ROWS: Final = 4096
 """Frames encoded at a time."""
 ROS2: Final = "ros2"
 ROS1: Final = "ros1"

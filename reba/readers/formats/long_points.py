@@ -13,7 +13,8 @@ from reba.readers.recording.stream import ReadLog
 if TYPE_CHECKING:
     import pandas as pd
 
-NAMES: Final = ("keypoint", "marker", "landmark", "joint", "point", "body_part", "bodypart", "name", "label")
+_KINDS: Final = ("keypoint", "marker", "landmark", "joint", "point", "body_part", "bodypart")
+NAMES: Final = (*_KINDS, *(f"{kind}_name" for kind in _KINDS), *(f"{kind}name" for kind in _KINDS), "name", "label")
 """Names of the column of points, in lower case."""
 FRAMES: Final = ("timestamp", "time", "t", "frame", "frame_number", "frame_index")
 """Names of the column that all points of one frame have in common, in lower case; one without gaps is used."""

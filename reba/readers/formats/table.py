@@ -29,6 +29,7 @@ from reba.readers.formats.table_columns import (
     metres_of,
     named_units,
     near_names,
+    numbered_landmarks,
     without_depth,
 )
 from reba.readers.formats.table_file import (
@@ -226,6 +227,9 @@ def _of_one(
     hint = f"{near}; rename them" if near else ""
     if not angles and (flat := without_depth(numbers)) >= LEAST_POINTS:
         hint = f"{flat} points have x and y and no z, as 2D keypoints: give 3D keypoints"
+    elif len(points) >= LEAST_POINTS and all(point[-1].isdigit() for point in points):
+        first = next(iter(points))
+        hint = f'{len(points)} numbered points: say in a profile which is which, as hip_left = "{first}" under [points]'
     return Recording(str(path), format, tuple(streams), (*topics, *file.left_out), log, hint, scored=scored)
 
 
@@ -244,7 +248,11 @@ def _points(
     note = ReadLog(time_source=log.time_source)
     values = values * metres_of(values, named, note)
     note.warnings += log.warnings
-    return array_stream(name, "points", "table of points", tuple(points), time, values, opened=note, epoch=epoch)
+    names = tuple(points)
+    if (landmarks := numbered_landmarks(names)) and not set(landmarks.values()) & set(names):
+        note.warn(f"the {len(landmarks)} numbered points were read as those of MediaPipe's pose, in its order")
+        names = tuple(landmarks.get(point, point) for point in names)
+    return array_stream(name, "points", "table of points", names, time, values, opened=note, epoch=epoch)
 
 
 def _numbers(path: Path, file: TableFile, column: str, angle: bool, log: ReadLog) -> np.ndarray | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from reba.arrays import Array
 from reba.errors import join_names
+from reba.posture.columns import SIDES
 from reba.readers.formats.lengths import METRES, metres_by_size
 from reba.readers.recording.stream import ReadLog, clip
 
@@ -34,7 +35,8 @@ PLAIN: Final = frozenset({"-", "1", "bool"})
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
 _AXIS = re.compile(r"(?P<name>.+?)(?P<gap>[_.: -]?[\[(]?)(?P<axis>[xyzXYZ])[\])]?")
-_AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])(?P<gap>[_.: -])(?P<name>.+)")
+_AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])(?P<gap>[_.: -]|(?=\d+$))(?P<name>.+)")
+_NUMBERED = re.compile(r"(?P<stem>.*?)(?P<number>\d+)")
 
 
 def is_unit(text: str) -> bool:
@@ -133,6 +135,35 @@ def coordinates(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
         for (point, _), columns in axes.items()
         if set(columns) == {"x", "y", "z"}
     }
+
+
+LANDMARKS: Final = (
+    *("nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer"),
+    *("left_ear", "right_ear", "mouth_left", "mouth_right"),
+    *(f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "pinky", "index", "thumb") for side in SIDES),
+    *(f"{side}_{name}" for name in ("hip", "knee", "ankle", "heel", "foot_index") for side in SIDES),
+)
+"""Points of MediaPipe's pose (BlazePose) in their order; no other set in use has 33."""
+
+
+def numbered_landmarks(points: Iterable[str]) -> dict[str, str]:
+    """Return point -> its name in MediaPipe's pose, where points are numbered from 0 to 32 or from 1 to 33.
+
+    Of another count nothing says which is which.
+
+    >>> numbered_landmarks(f"landmark_{number}" for number in range(33))["landmark_11"]
+    'left_shoulder'
+    >>> numbered_landmarks(f"{number}" for number in range(17))
+    {}
+    """
+    found = [(match["stem"], int(match["number"]), name) for name in points if (match := _NUMBERED.fullmatch(name))]
+    numbers = sorted(number for _, number, _ in found)
+    first = numbers[0] if numbers else 0
+    if len({stem for stem, _, _ in found}) != 1 or first not in (0, 1):
+        return {}
+    if numbers != list(range(first, first + len(LANDMARKS))):
+        return {}
+    return {name: LANDMARKS[number - first] for _, number, name in found}
 
 
 def _axis(name: str) -> re.Match[str] | None:

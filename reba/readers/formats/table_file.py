@@ -17,6 +17,7 @@ from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import file_bytes
+from reba.readers.formats.header_rows import MOST_ROWS, names_of_rows
 from reba.readers.formats.score_file import parquet_record
 from reba.readers.formats.text import decode
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
@@ -64,7 +65,11 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
         data = text.encode()
     del text
     separator = separator or max(SEPARATORS, key=header.count)
-    names = _names(path, header, separator, line, log)
+    rows = names_of_rows([header, *sample.split("\n", MOST_ROWS)[:MOST_ROWS]], separator)
+    if rows is None:
+        names = _names(path, header, separator, line, log)
+    else:
+        names, line = _named(path, rows[0], log), line + rows[1] - 1
     # The faster way for most; columns that are written otherwise stay texts and are converted below or where used.
     comma = separator != "," and re.search(r"\d,\d", sample)
     with warnings.catch_warnings(record=True) as notes:
@@ -161,7 +166,7 @@ def _names(path: Path, header: str, separator: str, line: int, log: ReadLog) -> 
         fields = next(csv.reader([header], delimiter=separator))
     except csv.Error as error:
         raise ReadError(path, f"line {line}: {error}", hint="write the column names in the first line") from error
-    names = [text_of(field.strip()) or f"column_{index + 1}" for index, field in enumerate(fields)]
+    names = [text_of(field.strip()) for field in fields]
     if len(names) < 2 or len(names) > MAX_COLUMNS:
         what = f"line {line} has {len(names)} column names ({clip(header)}), expected 2 to {MAX_COLUMNS}"
         raise ReadError(path, what, hint="separate columns by comma, semicolon or tab")
@@ -169,7 +174,12 @@ def _names(path: Path, header: str, separator: str, line: int, log: ReadLog) -> 
         raise ReadError(
             path, f"line {line} has numbers, expected column names", hint="write the column names in the first line"
         )
-    return _distinct(path, names, log)
+    return _named(path, names, log)
+
+
+def _named(path: Path, names: Sequence[str], log: ReadLog) -> tuple[str, ...]:
+    """Return distinct names, by its number for a column without one."""
+    return _distinct(path, [name or f"column_{index + 1}" for index, name in enumerate(names)], log)
 
 
 def _distinct(path: Path, names: Sequence[str], log: ReadLog) -> tuple[str, ...]:

@@ -24,7 +24,24 @@ LARGEST = 1e12
 _NOT_A_NUMBER = ("nan", "nan(ind)", "nan(snan)", "1.#ind", "1.#qnan", "1.#snan", "1.#j")
 BLANKS = frozenset(
     (
-        *("", "na", "n/a", "#n/a", "#n/a n/a", "#na", "<na>", "null", "none", "-", "--", "---", ".", "..", "..."),
+        *(
+            "",
+            "na",
+            "n/a",
+            "#n/a",
+            "#n/a n/a",
+            "#na",
+            "<na>",
+            "null",
+            "none",
+            "missing",
+            "-",
+            "--",
+            "---",
+            ".",
+            "..",
+            "...",
+        ),
         *(sign + word for sign in ("", "-", "+") for word in _NOT_A_NUMBER),
     )
 )

@@ -1,0 +1,91 @@
+"""Column names in several rows: points in one, their axes in the row below, as pandas and DeepLabCut write them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Final
+
+MOST_ROWS: Final = 4
+"""Rows that names may take: scorer, individual, point, axis."""
+LEAST_AXES: Final = 12
+"""Fields x, y and z of a row of axes: those of four points; fewer are no body."""
+_PERSONS: Final = frozenset({"individual", "individuals", "animal", "animals", "person", "persons", "people"})
+"""First fields of a row that says whose a point is."""
+_CORNERS: Final = frozenset({"coord", "coords", "coordinate", "coordinates", "axis", "axes"})
+"""First fields of a row of axes, above the numbers of the frames."""
+
+
+def names_of_rows(lines: Sequence[str], separator: str) -> tuple[list[str], int] | None:
+    """Return the names of columns, `POINT_x`, and how many lines they take; None where a row of axes does not follow.
+
+    A point stands above each of its axes or above the first of them, as merged cells are written. A last row that has
+    one field only names the first column. Columns beside the points are called as in the lowest row that names them.
+
+    Args:
+        lines: the first lines of a table.
+
+    >>> rows = ["time,hip,,,knee,,,ankle,,,toe,,", ",x,y,z,x,y,z,x,y,z,x,y,z", "0,1,2,3,4,5,6,7,8,9,10,11,12"]
+    >>> names, used = names_of_rows(rows, ",")
+    >>> names[:5], used
+    (['time', 'hip_x', 'hip_y', 'hip_z', 'knee_x'], 2)
+    """
+    rows = list(_fields(lines, separator))
+    at = next((number for number, row in enumerate(rows[:MOST_ROWS]) if _is_axes(row)), 0)
+    if not at or any(_is_numeric(field) for row in rows[:at] for field in row[1:]):
+        return None
+    axes, width = rows[at], max(map(len, rows[: at + 1]))
+    above = [row + [""] * (width - len(row)) for row in rows[:at]]
+    axes = axes + [""] * (width - len(axes))
+    first = next(column for column, field in enumerate(axes) if field.lower() in ("x", "y", "z"))
+    points = _filled(above[-1], axes, first)
+    persons = next((row for row in above[:-1] if row[0].lower() in _PERSONS), None)
+    people = [""] * width if persons is None else _filled(persons, axes, first)
+    names = []
+    for column, axis in enumerate(axes):
+        if column >= first and axis and points[column]:
+            person = people[column]
+            names.append(f"{person}/{points[column]}_{axis}" if person else f"{points[column]}_{axis}")
+        elif column == 0 and axis.lower() in _CORNERS:
+            names.append("frame")
+        else:
+            names.append(axis or next((row[column] for row in reversed(above) if row[column]), ""))
+    used = at + 1
+    if used < len(rows) and rows[used][0] and not any(rows[used][1:]):
+        names[0] = rows[used][0]
+        used += 1
+    return names, used
+
+
+def _fields(lines: Sequence[str], separator: str) -> Iterator[list[str]]:
+    """Yield the fields of the lines that names may take; none of lines that are not separated values."""
+    try:
+        for row in islice(csv.reader(lines, delimiter=separator), MOST_ROWS + 1):
+            yield [field.strip() for field in row]
+    except csv.Error:
+        return
+
+
+def _is_axes(row: Sequence[str]) -> bool:
+    """Return whether a row names x, y and z equally often, and has no number."""
+    words = [field.lower() for field in row]
+    counts = {words.count(axis) for axis in "xyz"}
+    return len(counts) == 1 and 3 * counts.pop() >= LEAST_AXES and not any(map(_is_numeric, row))
+
+
+def _is_numeric(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _filled(row: Sequence[str], axes: Sequence[str], first: int) -> list[str]:
+    """Return a row in which a blank field above an axis has the name to the left of it."""
+    filled, name = [], ""
+    for column, field in enumerate(row):
+        name = field or (name if column >= first and axes[column] else "")
+        filled.append(name)
+    return filled
