@@ -74,7 +74,8 @@ def test_the_audit_sees_steps_where_a_person_has_to_stand() -> None:
 @pytest.mark.slow
 def test_the_page_says_where_to_step() -> None:
     motion = lgp.Motion(_plan())
-    first, second = with_steps(instructions(motion.phases), motion)
+    ends = np.append(0, motion.phases.ends + 1)
+    first, second = with_steps(instructions(motion.phases), motion.world, motion.path[ends])
     assert first.text.startswith("Step ")
     assert "m to the right" in first.text
     assert "m to the left" in second.text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,9 +48,14 @@ def test_a_scene_is_planned_audited_run_and_shown(name: str, tmp_path: Path) -> 
     assert plan.audit["faults"] == []
     CHECKS[name](lgp.Motion(plan)) if name in CHECKS else None
     plan.save(tmp_path / "plan")
-    assert lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False).exists()
-    summary = lgp.run_plan(tmp_path / "plan")
+    page = lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False)
+    told: list[str] = []
+    summary = lgp.run_plan(
+        tmp_path / "plan", on_event=lambda one: told.append(one.text) if one.kind == "told" else None
+    )
     assert summary["state"] == "finished", summary["why"]
+    shown = html.unescape(page.read_text())
+    assert [text for text in told if text not in shown] == [], "people are told what the page says"
 
 
 def _pours(motion: lgp.Motion) -> None:
