@@ -47,7 +47,7 @@ def _steps(person: Human, world: World, path: Array) -> list[str]:
         parts = [words["walk"].format(ways=words["and"].join(parts))] if parts else []
         if abs(yaw) > LEAST[1]:
             parts.append(words["turn"].format(degrees=abs(yaw), where=words["left" if yaw > 0.0 else "right"]))
-        text = words["and"].join(parts)
+        text = words["then"].join(parts)
         if text and len(world.scene.humans) > 1:
             text = f"{person_in_words(person.name)}, {text}"
         said.append(f"{text[0].upper()}{text[1:]}." if text else "")
