@@ -7,8 +7,9 @@
   audit of ours. It needs an interpreter with `robotic` 0.4.0 (`python -m venv rai`, `rai/bin/pip install robotic==0.4.0
   numpy`, and Debian's liblapack3) and the folder `data` of https://github.com/MarcToussaint/rai-tutorials; without them
   ours is shown alone.
-- `guided_shelf`, `guided_tunnel`: tasks 0 of guided-tamp-benchmark with its Panda. Its waiter is left out: the tray is
-  a surface on a robot, which our scenes do not have.
+- `guided_shelf`, `guided_tunnel`: tasks 0 of guided-tamp-benchmark with its Panda, with the actions of their
+  demonstrations and by our search. Its waiter is left out: the tray is a surface on a robot, which our scenes do not
+  have.
 
 Seconds are those of the CPU. `--saved` keeps what `robotic` printed, and reads it the next time.
 """
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -67,20 +69,30 @@ def rows_of_robotic(name: str, options: argparse.Namespace) -> list[dict[str, An
     if kept and kept.is_file():
         return [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
     if not (options.robotic and options.data):
-        print("skipped: robotic (give --robotic PYTHON and --data FOLDER of rai-tutorials)")
-        return []
+        return skipped(name, "give --robotic PYTHON and --data FOLDER of rai-tutorials")
+    if not (options.data / f"{name}.g").is_file():
+        return skipped(name, f"{options.data} has no {name}.g, expected the folder `data` of rai-tutorials")
     script = Path(__file__).resolve().with_name("rai_lgp.py")
+    found = shutil.which(options.robotic)
+    if not found:
+        return skipped(name, f"{options.robotic} is no program, expected a Python interpreter")
+    # Absolute, as it runs in another folder, but no link is followed: those of a virtual environment make it one.
+    words = [str(Path(found).absolute()), str(script), str(options.data.resolve()), name]
     with tempfile.TemporaryDirectory() as folder:
-        words = [options.robotic, str(script), str(options.data.resolve()), name]
         run = subprocess.run(words, capture_output=True, text=True, check=False, cwd=folder)
     lines = [line for line in run.stdout.splitlines() if line.startswith("{")]
     if not lines:
-        print(f"skipped: robotic ({(run.stderr.strip().splitlines() or ['nothing was printed'])[-1][:160]})")
-        return []
+        return skipped(name, (run.stderr.strip().splitlines() or ["it printed no plan"])[-1][:160])
     if kept:
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_text("\n".join([*lines, ""]), encoding="utf-8")
     return [json.loads(line) for line in lines]
+
+
+def skipped(name: str, why: str) -> list[dict[str, Any]]:
+    """Print why a problem is not solved by `robotic`, and return no rows."""
+    print(f"{name:18}robotic is skipped: {why}", flush=True)
+    return []
 
 
 def plan_of_robotic(scene: Scene, row: dict[str, Any]) -> Plan:
@@ -167,10 +179,12 @@ def main() -> None:
             rows += compared(name, options)
         else:
             rows.append(solved(name, "ours, the demonstrated actions", GUIDED[name], options.seconds))
+            rows.append(solved(name, "ours", None, options.seconds))
         for row in rows:
             if row["problem"] == name:
                 show(row)
     if options.json:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(json.dumps({"machine": machine(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 

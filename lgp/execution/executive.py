@@ -34,6 +34,7 @@ from lgp.execution.trajectory import BRAKE, Brake, robot_columns, time_scaled, v
 from lgp.logic.task import Action
 from lgp.motion import Motion
 from lgp.page.sentences import Instruction, in_words, instructions
+from lgp.page.steps import with_steps
 
 OnEvent = Callable[[str, str, str, dict[str, Any]], None]
 """Callback with the state, kind, text and details of an event, see `events.Event`."""
@@ -255,12 +256,8 @@ class Executive:
             if name not in self._carried and self._displaced(name, expected) and (robot or self._unreachable(name)):
                 self._stop("moved", f"{name} was moved")
                 return True
-        reach = self.view.tolerances.reach
-        dropped = [
-            name
-            for name, hand in self._carried.items()
-            if self.view.seen(name) is not None and self.view.gap(hand, name) > reach
-        ]
+        seen = [(name, hand) for name, hand in self._carried.items() if self.view.seen(name) is not None]
+        dropped = [name for name, hand in seen if self.view.gap(hand, name) > self.view.tolerances.reach]
         self._drop_observations = self._drop_observations + 1 if dropped and approaching else 0
         if self._drop_observations >= DROP_OBSERVATIONS:
             for hand in self.view.now.closed.intersection(self._carried[name] for name in dropped):
@@ -392,7 +389,10 @@ class Executive:
 
     @property
     def _instruction(self) -> Instruction:
-        return instructions(self.planner.motion.phases)[self.planner.motion.phases.phase_of[self.number]]
+        """What the page says, with the steps of the motion that is made."""
+        phases, phase = self.planner.motion.phases, self.phase or self.planner.planned(self.number)
+        line = instructions(phases)[phases.phase_of[self.number]]
+        return with_steps([line], self.planner.motion.world, phase.trajectory.knots[[0, -1]])[0]
 
     @property
     def _label(self) -> str:

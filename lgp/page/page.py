@@ -70,7 +70,8 @@ def write_page(plan: Plan, folder: str | Path, *, pictures: bool = True) -> Path
     if not plan.actions:
         raise LgpError(f"{plan.scene.name}: the plan has no actions, the goal holds already; give a plan with actions")
     animation = scene_animation(motion)
-    lines = with_steps(instructions(motion.phases), motion)
+    ends = np.append(0, motion.phases.ends + 1)
+    lines = with_steps(instructions(motion.phases), motion.world, motion.path[ends])
 
     def write(part: Path) -> None:
         assets = part / ASSETS

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from lgp.motion import Motion
+from lgp.kinematics.world import World
 from lgp.page.sentences import Instruction, person_in_words, table
 from lgp.scene.model import Human
 from reba.arrays import Array
@@ -18,26 +18,26 @@ LEAST: Final = (0.05, 10.0)
 """[m, deg] Smaller steps and turns are not said."""
 
 
-def with_steps(lines: Sequence[Instruction], motion: Motion) -> tuple[Instruction, ...]:
-    """Return the instructions of all phases, each with the steps that persons make in its phase before it."""
-    people = [person for person in motion.world.scene.humans.values() if person.ground]
-    if not people:
-        return tuple(lines)
-    rows = np.concatenate([[0], motion.phases.ends + 1])
-    said = [_steps(person, motion, rows, len(motion.world.scene.humans) > 1) for person in people]
+def with_steps(lines: Sequence[Instruction], world: World, path: Array) -> tuple[Instruction, ...]:
+    """Return instructions, each with the steps that persons make in its phase before it.
+
+    Args:
+        path: (len(lines) + 1, nq) configurations at the start of the first phase and at the end of each [rad, m].
+    """
+    said = [_steps(person, world, path) for person in world.scene.humans.values() if person.ground]
     return tuple(
         replace(line, text=" ".join([*filter(None, own), line.text])) for *own, line in zip(*said, lines, strict=True)
     )
 
 
-def _steps(person: Human, motion: Motion, rows: Array, named: bool) -> list[str]:
+def _steps(person: Human, world: World, path: Array) -> list[str]:
     """Return what to say to a person in each phase, "" where it stands."""
-    poses = motion.frames([person.ground])[person.ground]
+    kinematics = world.at(path, [person.ground])
+    rotation, position = kinematics.rotation[:, 0], kinematics.position[:, 0]
     words, said = table()["words"]["step"], []
-    for before, after in pairwise(rows):
-        heading = poses.rotation[before]
-        x, y, _ = heading.T @ (poses.position[after] - poses.position[before])
-        turned = heading.T @ poses.rotation[after]
+    for before, after in pairwise(range(len(path))):
+        x, y, _ = rotation[before].T @ (position[after] - position[before])
+        turned = rotation[before].T @ rotation[after]
         yaw = float(np.degrees(np.arctan2(turned[1, 0], turned[0, 0])))
         parts = [
             words["far"].format(metres=abs(way), where=words[ways[int(way < 0.0)]])
@@ -47,8 +47,8 @@ def _steps(person: Human, motion: Motion, rows: Array, named: bool) -> list[str]
         parts = [words["walk"].format(ways=words["and"].join(parts))] if parts else []
         if abs(yaw) > LEAST[1]:
             parts.append(words["turn"].format(degrees=abs(yaw), where=words["left" if yaw > 0.0 else "right"]))
-        text = words["and"].join(parts)
-        if named and text:
+        text = words["then"].join(parts)
+        if text and len(world.scene.humans) > 1:
             text = f"{person_in_words(person.name)}, {text}"
         said.append(f"{text[0].upper()}{text[1:]}." if text else "")
     return said

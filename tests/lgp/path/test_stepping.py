@@ -15,7 +15,7 @@ from lgp.collision.scene_shapes import collision_shapes
 from lgp.errors import SceneError
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
-from lgp.page.sentences import instructions
+from lgp.page.sentences import Instruction, instructions
 from lgp.page.steps import with_steps
 from lgp.scene.mobile_base import standing_from
 from lgp.scene.scene_file import load_scene, read_scene
@@ -74,10 +74,20 @@ def test_the_audit_sees_steps_where_a_person_has_to_stand() -> None:
 @pytest.mark.slow
 def test_the_page_says_where_to_step() -> None:
     motion = lgp.Motion(_plan())
-    first, second = with_steps(instructions(motion.phases), motion)
+    ends = np.append(0, motion.phases.ends + 1)
+    first, second = with_steps(instructions(motion.phases), motion.world, motion.path[ends])
     assert first.text.startswith("Step ")
     assert "m to the right" in first.text
     assert "m to the left" in second.text
+
+
+def test_a_step_and_a_turn_are_said_in_their_order() -> None:
+    world = World(load_scene(SCENE))
+    path = np.tile(world.initial_configuration, (3, 1))
+    path[1:, [world.column["human.base_y"], world.column["human.base_yaw"]]] = -0.5, np.radians(30.0)
+    lines = [Instruction("Take the box.", "", True, "You", "box"), Instruction("Wait.", "", True, "You", "box")]
+    said = [line.text for line in with_steps(lines, world, path)]
+    assert said == ["Step 0.50 m to the right, then turn 30 deg to the left. Take the box.", "Wait."]
 
 
 def test_legs_follow_the_place_and_its_derivatives_are_right() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import lgp
+from lgp.execution.events import Event
 from lgp.extensions import run_extension
 from lgp.kinematics import actions
 from tests.support.paths import ROOT
@@ -47,9 +49,12 @@ def test_a_scene_is_planned_audited_run_and_shown(name: str, tmp_path: Path) -> 
     assert plan.audit["faults"] == []
     CHECKS[name](lgp.Motion(plan)) if name in CHECKS else None
     plan.save(tmp_path / "plan")
-    assert lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False).exists()
-    summary = lgp.run_plan(tmp_path / "plan")
+    page = lgp.write_page(lgp.Plan.load(tmp_path / "plan"), tmp_path / "page", pictures=False)
+    events: list[Event] = []
+    summary = lgp.run_plan(tmp_path / "plan", on_event=events.append)
     assert summary["state"] == "finished", summary["why"]
+    shown = html.unescape(page.read_text())
+    assert all(event.text in shown for event in events if event.kind == "told"), "people read what the page says"
 
 
 def _pours(motion: lgp.Motion) -> None:
