@@ -43,8 +43,8 @@ from reba.command_line import (
     output_file,
     parallel_options,
     print_json,
+    print_notes,
     run,
-    tell,
 )
 from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import COLUMNS
@@ -229,7 +229,7 @@ def _evaluation_poses(
 def _read(path: str, joints: Any, hold: Any) -> Poses:
     """Return the poses of a file and say what its reader noticed; it has warned of radians, so the model need not."""
     poses = read_poses(path, joints=joints, hold=hold)
-    tell(poses.provenance.get("warnings", ()))
+    print_notes(poses.provenance.get("warnings", ()))
     if "recording" in poses.provenance:
         warnings.simplefilter("ignore", RadiansWarning)
     return poses

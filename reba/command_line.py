@@ -121,15 +121,16 @@ def parallel_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def echo_notes(*recordings: Any) -> None:
-    """Say on standard error what the reader noticed of recordings, what several have in common once.
+    """Print on standard error what the reader noticed of recordings, what several have in common once, but for radians:
+    of these there is a warning.
 
     Args:
         recordings: posture tables.
     """
-    tell(dict.fromkeys(note for one in recordings for note in one.quality.notes()))
+    print_notes(dict.fromkeys(note for one in recordings for note in one.quality.notes(radians=False)))
 
 
-def tell(notes: Iterable[str]) -> None:
+def print_notes(notes: Iterable[str]) -> None:
     """Print notes on standard error."""
     for note in notes:
         echo(f"note: {note}", err=True)

@@ -281,7 +281,7 @@ def _recorded(path: str | Path, rules: reba.Rules | str) -> tuple[Poses, Domain,
     scores = reba.score(reba.read(path), rules=rules, activity="none", missing="neutral")
     name = Path(path).name
     provenance: dict[str, Any] = {"recording": name, "frames": len(scores.angles), "rules": scores.rules.name}
-    if notes := scores.postures.quality.notes():
+    if notes := scores.postures.quality.notes(radians=False):
         provenance["warnings"] = notes
     domain = Domain(name, {}, scores.rules, source=f"smallest and largest angles in {name}")
     totals = np.asarray(scores.data["reba"], np.uint8)

@@ -18,6 +18,7 @@ from reba.errors import PostureError, did_you_mean
 from reba.posture.columns import COLUMNS, COLUMNS_OF
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.posture.named_angles import (
+    RADIANS_TEXT,
     RAISED,
     check_angles,
     column_numbers,
@@ -58,13 +59,17 @@ class Quality:
     sha256: str = ""
     accounts: tuple[dict[str, Any], ...] = ()
 
-    def notes(self) -> list[str]:
-        """Return one line each for the reader of a report: truncated input, skipped messages, then the warnings."""
+    def notes(self, *, radians: bool = True) -> list[str]:
+        """Return one line each for the reader of a report: truncated input, skipped messages, then the warnings.
+
+        Args:
+            radians: with what `reba.RadiansWarning` says.
+        """
         notes = [f"the recording is truncated: {self.ended_abnormally}"] if self.ended_abnormally else []
         if self.skipped:
             first = f", the first: {self.first_skipped}" if self.first_skipped else ""
             notes.append(f"{self.skipped} of {self.messages} messages could not be used{first}")
-        return [*notes, *self.warnings]
+        return [*notes, *(one for one in self.warnings if radians or RADIANS_TEXT not in one)]
 
 
 @dataclass(eq=False)

@@ -156,14 +156,14 @@ def numbered_landmarks(points: Iterable[str]) -> dict[str, str]:
     >>> numbered_landmarks(f"{number}" for number in range(17))
     {}
     """
-    found = [(match["stem"], int(match["number"]), name) for name in points if (match := _NUMBERED.fullmatch(name))]
-    numbers = sorted(number for _, number, _ in found)
+    matches = [(match["stem"], int(match["number"]), name) for name in points if (match := _NUMBERED.fullmatch(name))]
+    numbers = sorted(number for _, number, _ in matches)
     first = numbers[0] if numbers else 0
-    if len({stem for stem, _, _ in found}) != 1 or first not in (0, 1):
+    if len({stem for stem, _, _ in matches}) != 1 or first not in (0, 1):
         return {}
     if numbers != list(range(first, first + len(LANDMARKS))):
         return {}
-    return {name: LANDMARKS[number - first] for _, number, name in found}
+    return {name: LANDMARKS[number - first] for _, number, name in matches}
 
 
 def _axis(name: str) -> re.Match[str] | None:

@@ -45,7 +45,7 @@ def changed(data: dict[str, Any], *path: Any, value: Any) -> dict[str, Any]:
     [
         *[((name,), None) for name in ("epoch", "time", "q", "closed", "number", "folder", "replans")],
         *[((name,), "x") for name in ("epoch", "time", "q", "closed", "number", "folder", "replans", "things")],
-        (("epoch",), 10**400),
+        (("epoch",), 10**300),
         (("time",), 1e300),
         (("time",), -1.0),
         (("q",), [0.0, None]),
@@ -70,6 +70,13 @@ def test_a_checkpoint_that_no_run_writes(tmp_path: Path, path: tuple[str, ...], 
     with pytest.raises(lgp.LgpError) as error:
         interrupted_run(tmp_path / "run.mcap")
     says(error, tmp_path / "run.mcap", "damaged", "checkpoint", path[-1], "without --resume")
+
+
+def test_a_number_that_no_computer_has(tmp_path: Path) -> None:
+    log_of(tmp_path / "run.mcap", "/state", {**RECORD, "epoch": 10**400})
+    with pytest.raises(lgp.LgpError) as error:
+        interrupted_run(tmp_path / "run.mcap")
+    says(error, tmp_path / "run.mcap", "damaged", "expected finite numbers", "without --resume")
 
 
 @pytest.mark.parametrize(
