@@ -140,11 +140,13 @@ def _show(summary: dict[str, Any]) -> None:
     from reba.terminal import console
 
     out = console()
-    why = f", because {summary['why']}" if summary["state"] == "failed" else ""
     out.print(
-        f"{summary['state']} after {summary['seconds']:.1f} s{why}: {len(summary['actions'])} actions, "
+        f"{summary['state']} after {summary['seconds']:.1f} s: {len(summary['actions'])} actions, "
         f"{summary['retargeted']} motions retargeted, {summary['replanned']} times replanned"
     )
+    if summary["state"] == "failed":
+        # In one line: a name in it must not begin another one.
+        echo(f"why: {summary['why']}")
     for row in summary["comparison"]:
         if row["extra"] is None:
             out.print(f"{row['action']} retargeted: no comparison, one of the two plans is infeasible")
