@@ -249,7 +249,7 @@ class PathSolver:
         return min(given.nearest, cheaper, key=_cost)
 
     def _sampled(self, phases: Phases) -> Iterator[Motion]:
-        """Return motions by sampling; none where a pose that ignores bodies is hard to find already."""
+        """Return collision-free motions by sampling, computed as they are asked for."""
         keyframes = self.keyframes
         constraints = self.collision_constraints(phases)
         return sampled_motions(

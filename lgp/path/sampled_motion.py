@@ -1,8 +1,9 @@
 """A collision-free motion by sampling: the initial guess where no path near those that ignore bodies is one.
 
 Phase by phase the acting limbs get random postures that satisfy the switch and are collision-free there, and random
-trees lead to the first of them that can be reached (`random_trees`). The other joints stand still, so the motion is no
-optimum, and contacts are free all phase long: solving the path from it does the rest.
+trees lead to the nearest of them that can be reached (`random_trees`). Near the ends of a phase the contacts of its
+actions may be as deep as at the end itself. All other joints stand still, so the motion is no optimum: the path is
+solved from it.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def sampled_motions(
     phases: Phases, initial_configuration: Array, sequence_of: Callable[[Phases], PathProblem],
     constraints: CollisionConstraints,
 ) -> Iterator[Motion]:  # fmt: skip
-    """Yield collision-free motions of a sequence, () where none is found.
+    """Yield collision-free motions of a sequence, none where no seed leads to one.
 
     Args:
         sequence_of: phases -> sequence problem.
