@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
@@ -167,7 +168,10 @@ class PathBounds:
         again = stored is not None and (stored.postponed if thorough else stored.given_up and stored.cost < limit)
         if stored is not None and not again:
             return replace(stored, known=True, seconds=0.0)
-        result = self._results[level, skeleton] = self._result(level, skeleton, warm, limit, thorough)
+        # The matrices are small: threads of the linear algebra cost more than they save, on a busy machine several
+        # times what they save, and their number must not decide a result.
+        with threadpool_limits(1):
+            result = self._results[level, skeleton] = self._result(level, skeleton, warm, limit, thorough)
         return result
 
     def solution(self, level: str, skeleton: Skeleton) -> Solution | None:
