@@ -90,6 +90,7 @@ def model_card(model: Surrogate, name: str, usefulness: Mapping[str, Any] | None
 def minimum_in(model: Surrogate, domain: Domain) -> Array:
     """Return the posture (d,) [deg] of the lowest value within the limits of a domain, from rest and random starts."""
     from scipy.optimize import minimize
+    from threadpoolctl import threadpool_limits
 
     columns = [INDEX[joint] for joint in model.joints_]
     low, high = domain.low[columns], domain.high[columns]
@@ -98,11 +99,12 @@ def minimum_in(model: Surrogate, domain: Domain) -> Array:
     if not model.convex:
         rng = np.random.default_rng(0)
         starts += list(rng.uniform(low, high, (STARTS, len(low))))
-    minima = [
-        minimize(model.value_and_gradient, start, jac=True, bounds=list(zip(low, high, strict=True)), method="L-BFGS-B",
-                 options={"maxiter": 5000})
-        for start in starts
-    ]  # fmt: skip
+    with threadpool_limits(1):  # of matrices as small as these, threads only wait for each other
+        minima = [
+            minimize(model.value_and_gradient, start, jac=True, bounds=list(zip(low, high, strict=True)),
+                     method="L-BFGS-B", options={"maxiter": 5000})
+            for start in starts
+        ]  # fmt: skip
     best = min(minima, key=lambda each: float(each.fun))
     return np.asarray(best.x)
 

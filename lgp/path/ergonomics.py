@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any, Final, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from dreba.errors import ModelError
 from dreba.surrogates.base import Surrogate
@@ -222,7 +223,8 @@ class PersonScore:
             value, slope = self.model.value_and_gradient(x, temperature=self._sharpest)
             return float(value), np.asarray(slope)
 
-        minima = [minimize(objective, start, jac=True, bounds=box, method="L-BFGS-B").fun for start in starts]
+        with threadpool_limits(1):  # of matrices as small as these, threads only wait for each other
+            minima = [minimize(objective, start, jac=True, bounds=box, method="L-BFGS-B").fun for start in starts]
         return float(min(minima))
 
 
