@@ -67,17 +67,21 @@ def declared_withdrawals(modes: ModeSequence, clock: Clock) -> Iterator[Withdraw
     count = len(modes.switches)
     for number, switch in enumerate(modes.switches):
         giver = switch.giver or (switch.hand if switch.action.attaches_to == "table" else "")
-        if not giver or clock.ends[number + 1] >= clock.last:
+        if not giver:
             continue
         later = [k for k in range(number + 1, count) if switch.object_name in _acted_on(modes.switches[k])]
         next_hands = modes.switches[later[0]].hands if later else ()
         again = next((k for k in later if giver in modes.switches[k].hands), count)
         until = math.inf if again == count else float(clock.begins[again])
-        let_go, back = float(clock.ends[number + 1]), _drawn_back(clock, number + 1)
+        let_go = float(clock.ends[number + 1])
+        at_last = let_go >= clock.last  # where only the others stay away, as it ends there
+        back = let_go if at_last else _drawn_back(clock, number + 1)
         if not switch.giver:
             others = {hand for hand in modes.world.scene.hands if _agent(hand) != _agent(giver)} | set(next_hands)
             for hand in sorted(others - {giver} - _standing_still(modes, number)):
                 yield Withdrawal(hand, switch.object_name, NOT_YET, let_go, back + 2.0 * SAME)
+        if at_last:
+            continue
         if until > let_go:
             yield Withdrawal(giver, switch.object_name, DRAWN_BACK, back, back + float(clock.steps[number + 1]) / 2.0)
         begin = back

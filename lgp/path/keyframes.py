@@ -18,11 +18,12 @@ from lgp.kinematics.world import World
 from lgp.path.cache import WarmStartCache
 from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
-from lgp.path.feasibility import CLOSE, ReachCheck, explain_infeasibility, project_to_feasible
+from lgp.path.feasibility import CLOSE, ReachCheck, project_to_feasible
 from lgp.path.impossible_actions import impossible
 from lgp.path.many_starts import ManyStarts
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.reasons import explain_infeasibility
 from lgp.search.records import Skeleton
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result

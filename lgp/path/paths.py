@@ -30,13 +30,14 @@ from lgp.path.collision_path import (
     solve_constrained,
     solve_contacts,
 )
-from lgp.path.feasibility import explain_infeasibility, nearest_feasible
+from lgp.path.feasibility import nearest_feasible
 from lgp.path.joint_constraints import JointConstraints
 from lgp.path.joint_speeds import needed_durations, speed_limits, too_fast
 from lgp.path.keyframes import NEARLY_FEASIBLE, Answer, KeyframeSolver, Solution
 from lgp.path.leg_reach import LegConstraints
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.path.reasons import explain_infeasibility
 from lgp.path.sampled_motion import Motion, sampled_motions
 from lgp.search.records import Skeleton
 from lgp.sqp.merit import violation_max

@@ -112,6 +112,15 @@ def test_grip_points_keep_their_clearance_and_a_hand_draws_back_before_another_c
     )
 
 
+def test_other_hands_stay_away_from_what_the_last_action_puts_down() -> None:
+    world = screwdriver_world()
+    half = world.scene.hand_clearance / 2.0
+    person = required(world, HANDED_OVER[:2], f"grip point of {RIGHT}", "screwdriver", [3.99, 4.0])
+    assert person == pytest.approx([-math.inf, NOT_YET - half])
+    robot = required(world, HANDED_OVER[:2], "grip point of baxter.right", "screwdriver", [4.0])
+    assert robot == [-math.inf]
+
+
 @needs_robots
 def test_parts_touch_only_while_they_stand_for_a_screw() -> None:
     world = World(load_scene("toolbox"))

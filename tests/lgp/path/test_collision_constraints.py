@@ -11,9 +11,9 @@ from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.bounds import PathBounds
 from lgp.path.collision_constraints import MARGIN, POINTS_PER_SLICE, CollisionConstraints
-from lgp.path.feasibility import explain_infeasibility
 from lgp.path.keyframes import Solution
 from lgp.path.problem import PathProblem
+from lgp.path.reasons import explain_infeasibility
 from lgp.planner import plan, task_of
 from lgp.scene.scene_file import load_scene
 from lgp.search.records import BoundResult
