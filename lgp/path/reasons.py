@@ -43,7 +43,7 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
         if kind == "joint" and len(difference) == 3:
             distance, angle = float(np.linalg.norm(difference[:2])), abs(difference[2])
         explain = {"pose_continuity": _pose_continuity, "tool": _tool, "joint": _joint}[kind]
-        text = explain(problem, number, distance, angle) + _kept_apart(problem, number, values.inequality)
+        text = explain(problem, number, distance, angle) + _blocking_pairs(problem, number, values.inequality)
         messages.append((distance + angle, f"{_phase_of_switch(problem, number)}: {text}"))
     for row, value in zip(problem.constraints.in_rows, values.inequality, strict=True):
         if row.kind == "tilt":
@@ -72,7 +72,7 @@ def explain_infeasibility(problem: PathProblem, x: Array) -> str:
     return text if amount > REPORTED else ""
 
 
-def _kept_apart(problem: PathProblem, number: int, inequality: Array) -> str:
+def _blocking_pairs(problem: PathProblem, number: int, inequality: Array) -> str:
     """Return which bodies are as near to each other at a switch as they may be, "" if none are."""
     end = problem.phases.keyframes[number]
     near = {
