@@ -24,6 +24,9 @@ demo: .venv/.base
 	$(BIN)/reba improve datasets/simulated_palletising.mcap --load 8 --coupling fair
 	@echo "Open out/palletising.html and out/balancing.html in a browser."
 
+# Two processes on two cores: threads of the linear algebra on top of them would only wait for each other.
+test test-fast test-lowest test-newest test-versions: export OMP_NUM_THREADS := 1
+
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
