@@ -19,6 +19,7 @@ one, that bound is lowered to it, and what it excluded is open again.
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Iterator
 
@@ -30,6 +31,10 @@ from lgp.search.records import BoundResult, Bounds, Budget, LevelStatistics, Nod
 
 PATIENCE = 100
 """Nodes extended until a search without a plan goes depth first."""
+REASONS = 4
+"""Number of reasons that are given where there is no plan; those of all sequences are in the nodes."""
+PHASE = re.compile(r"phase \d+, (\w+)\(\d+, ")
+"""The number of a phase in a reason."""
 BOUND_EVERY = 4
 """Of so many steps one raises the lowest bound, once there is a plan."""
 
@@ -94,9 +99,9 @@ class _Search:
             return self._result(status, self._open_bound())
         if self.blocked:
             return self._result(SearchStatus.EXHAUSTED, self._open_bound(), "the budget ran out")
-        reasons = dict.fromkeys(node.reason for node in self.nodes if node.verdict == "infeasible")
-        if reasons:
-            return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons))
+        if reasons := self._reasons():
+            more = f"; and {len(reasons) - REASONS} more" if len(reasons) > REASONS else ""
+            return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons[:REASONS]) + more)
         fewest = fewest_actions(self.task)
         if fewest is not None and fewest < 0:
             return self._result(
@@ -105,6 +110,14 @@ class _Search:
         needed = self.budget.depth + 1 if fewest is None else fewest
         reason = f"the goal needs at least {needed} actions, the depth is {self.budget.depth}; raise the depth"
         return self._result(SearchStatus.INFEASIBLE, math.inf, reason)
+
+    def _reasons(self) -> list[str]:
+        """Return why sequences are infeasible, of one action that fails in several phases the first."""
+        first: dict[str, str] = {}
+        for node in self.nodes:
+            if node.verdict == "infeasible":
+                first.setdefault(PHASE.sub(r"\1(", node.reason), node.reason)
+        return list(first.values())
 
     def _step(self) -> None:
         """Take one node further; those whose solver has more to try come last."""

@@ -156,6 +156,25 @@ def test_conflicts_prune_other_sequences() -> None:
     assert any(node.verdict == "pruned" and "out of reach" in node.reason for node in result.nodes)
 
 
+def test_an_action_that_fails_in_every_phase_is_one_reason_and_few_are_given() -> None:
+    class Blocked(RandomBounds):
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = math.inf
+        ) -> BoundResult:
+            if str(skeleton[-1]).startswith("grasp(human"):
+                at = skeleton[-1].at(len(skeleton))
+                return BoundResult(False, math.inf, f"phase {len(skeleton)}, {at}: out of reach")
+            return super().solve(level, skeleton, warm, limit)
+
+    result = search(task(), Blocked(5, 0.0), Budget(depth=5))
+    assert result.status is SearchStatus.INFEASIBLE
+    assert len([node for node in result.nodes if node.verdict == "infeasible"]) > 1
+    assert result.reason == "phase 1, grasp(1, human, tool): out of reach"
+    many = search(task(hands=6), RandomBounds(1, 1.0), Budget(depth=3))
+    says(many.reason, "; and ", " more")
+    assert many.reason.count("; ") == 4
+
+
 def test_unreachable_and_too_deep() -> None:
     unreachable = search(task(start=("on_table",)), RandomBounds(1))
     assert unreachable.status is SearchStatus.UNREACHABLE
