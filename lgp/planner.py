@@ -32,6 +32,7 @@ from lgp.path.costs import Costs, Weights
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
 from lgp.path.partial_order import depends, same_phase
+from lgp.path.places import leaving_places
 from lgp.plan_record import PersonPostures, Plan
 from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
@@ -160,7 +161,8 @@ def at_the_same_time(bounds: PathBounds, task: Task, plan: Plan) -> Plan:
 
 def task_of(scene: Scene) -> Task:
     """Return the symbolic task of a scene; LogicError where its domain, initial state or goal is invalid."""
-    return ground(_domain(scene.domain), scene.object_types, map(parse_atom, scene.initial), *parse_goal(scene.goal))
+    first, goals = map(parse_atom, scene.initial), parse_goal(scene.goal)
+    return leaving_places(ground(_domain(scene.domain), scene.object_types, first, *goals))
 
 
 def _domain(which: str) -> PddlDomain:

@@ -1,6 +1,6 @@
 ; Grasping and placing with any end-effector of human or robot.
 ; Source: Busch, Toussaint & Lopes (2018), section II.A, as printed; which end-effectors, objects and tables
-; exist comes from the scene. `placed` is not deleted by a grasp: it says where an object was put last or before.
+; exist comes from the scene. `placed` is not deleted by a grasp, as printed; the planner takes it from what is moved.
 (define (domain screwdriver)
   (:requirements :strips :typing :negative-preconditions)
   (:types end_effector thing table - object

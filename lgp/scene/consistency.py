@@ -16,8 +16,8 @@ from lgp.scene.model import Scene
 def check_first_facts(scene: Scene) -> None:
     """Refuse a scene whose first facts contradict its geometry.
 
-    `placed` may also name tables where an object was before, as grasping does not delete it; one of them must be the
-    table that it lies on.
+    `placed` may also name tables where an object was before, as in the domains of the paper grasping does not delete
+    it; one of them must be the table that it lies on.
 
     Raises:
         SceneError: names the fact and the key that disagree.

@@ -65,18 +65,18 @@ class SubproblemSolver:
         """Reset the elastic penalty and the count of inconsistent models; called at the start of a solve."""
         self._penalty = 0.0
         self._inconsistent = 0
+        self._failed = False
 
     def solve(self, problem: Problem, model: Model, x: Array, damping: float, warm: QPResult | None) -> SqpStep | None:
         """Return a step from x, with more damping where the QP is unbounded; None where no QP is solved.
 
-        After two inconsistent models the elastic QP comes first: for consistent rows it has the same solution, and to
-        detect inconsistent ones costs as much as a step.
+        After two inconsistent models, or one that no back end solves, the elastic QP comes first: for consistent rows
+        it has the same solution, and to detect inconsistent ones costs as much as a step.
         """
-        if self._inconsistent >= 2:
+        if self._failed or self._inconsistent >= 2:
             step = self._elastic_step(self.qp(problem, model, x, damping), model, damping)
             if step is not None:
                 return step
-        failures = 0
         for _ in range(DAMPINGS):
             qp = self.qp(problem, model, x, damping)
             result = self.reduced.solve(qp, warm, self.backend.solve)
@@ -85,8 +85,8 @@ class SubproblemSolver:
                 return self._step(qp, result, damping, elastic=False, stationary_infeasible=False)
             if result.status is QPStatus.INFEASIBLE:
                 return self._elastic_step(qp, model, damping)
-            failures += result.status is QPStatus.FAILED
-            if failures > 1:
+            if result.status is QPStatus.FAILED:
+                self._failed = True
                 break
             damping = self.next_damping(damping)
         return self._elastic_step(qp, model, damping)
