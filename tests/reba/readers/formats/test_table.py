@@ -139,9 +139,9 @@ def test_time_columns(tmp_path: Path, column: str, first: str, second: str, step
     assert list(whole(recording.streams[0]).columns) == ["time", "trunk_flexion"]
 
 
-def test_ros_stamps_in_two_columns(tmp_path: Path) -> None:
-    text = "header.stamp.sec,header.stamp.nanosec,knee\n1700000000,500000000,1\n1700000001,0,2\n"
-    recording = opened(tmp_path, text)
+@pytest.mark.parametrize("names", ["header.stamp.sec,header.stamp.nanosec", "sec,nanosec", "secs,nsecs"])
+def test_ros_stamps_in_two_columns(tmp_path: Path, names: str) -> None:
+    recording = opened(tmp_path, f"{names},knee\n1700000000,500000000,1\n1700000001,0,2\n")
     assert recording.streams[0].names == ("knee",)
     np.testing.assert_allclose(np.diff(times(recording)), 0.5)
 
