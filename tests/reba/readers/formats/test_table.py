@@ -247,7 +247,7 @@ def test_numbers_survive_csv_and_parquet(tmp_path_factory: pytest.TempPathFactor
 def test_sniff_looks_at_the_content() -> None:
     assert sniff(Path("a"), b"PAR1\x00\x00")
     assert sniff(Path("a.txt"), SMALL.encode())
-    assert sniff(Path("a.txt"), "time;knee".encode("utf-16"))
+    assert sniff(Path("a.txt"), b"time;knee")
     assert sniff(Path("a.csv"), b"foo,bar\n1,2\n")
     assert sniff(Path("a.txt"), b"Trajectories,,,\n100\n")
     for head in (b"", b"foo,bar\n", b"HIERARCHY\nROOT a\n", b"<mvnx a='1,2'>", b"\x02\x50\x00\x01,time"):
