@@ -286,7 +286,7 @@ def show_info(console: Console, info: Info) -> None:
         table = Table(header_style="bold")
         for name in ("topic", "type", "count", "used for"):
             table.add_column(name, justify="right" if name == "count" else "left", overflow="fold")
-        listed = info.topics
+        listed = list(info.topics)
         if len(listed) > MAX_TOPICS:
             listed = sorted(listed, key=lambda topic: not topic["usable"])[:MAX_TOPICS]
         for topic in listed:
