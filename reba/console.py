@@ -275,6 +275,8 @@ def _change(a: dict[str, Any], b: dict[str, Any], key: str) -> str:
 
 MAX_NAMES = 12
 """Names and gaps that a line lists; of more, their number is printed."""
+MAX_TOPICS = 500
+"""Topics that the table lists, those that can be read first; `--json` has all."""
 
 
 def show_info(console: Console, info: Info) -> None:
@@ -284,13 +286,18 @@ def show_info(console: Console, info: Info) -> None:
         table = Table(header_style="bold")
         for name in ("topic", "type", "count", "used for"):
             table.add_column(name, justify="right" if name == "count" else "left", overflow="fold")
-        for topic in info.topics:
+        listed = list(info.topics)
+        if len(listed) > MAX_TOPICS:
+            listed = sorted(listed, key=lambda topic: not topic["usable"])[:MAX_TOPICS]
+        for topic in listed:
             count = "?" if topic["count"] is None else str(topic["count"])
             style = "" if topic["usable"] else "dim"
             table.add_row(
                 *(Text(str(cell)) for cell in (topic["name"], topic["type"], count, topic["why"])), style=style
             )
         console.print(table)
+        if more := len(info.topics) - len(listed):
+            console.print(f"and {more} more topics (--json lists all)")
     for label, text in _lines(info):
         console.print(Text.assemble((f"{label}: ", "bold"), text))
     if info.usable:

@@ -143,7 +143,9 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _from_table(table: TomlTable, name: str) -> MeasurementError:
-    table.keys(("base", "title", *COLUMNS_OF, *COLUMNS), "column")
+    given = table.keys(("base", "title", *COLUMNS_OF, *COLUMNS), "column")
+    if not {*given} - {"title"}:
+        raise table.error(f"{table.where}: no error of any column; give some, like trunk_flexion = 4.0")
     base = _shipped(table.text("base", choices=MEASUREMENTS)) if table.has("base") else MeasurementError()
     sd, bias, sources = list(base.sd), list(base.bias), list(base.sources)
     chosen = set(base.chosen)

@@ -15,6 +15,7 @@ import pytest
 
 import reba
 from reba.cli import cli, main
+from tests.support import mcap_builder as make
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -209,6 +210,22 @@ def test_info_and_profiles(run: Run) -> None:
     code, out, _ = run("profiles")
     assert code == 0
     assert "ros4hri" in out
+
+
+def test_info_of_thousands_of_topics_lists_those_that_can_be_read(run: Run, tmp_path: Path) -> None:
+    """Each row of a table in the terminal takes long; a small file can hold tens of thousands of topics."""
+    text = make.schema(1, "std_msgs/msg/String", "ros2msg", b"string data\n")
+    state = make.schema(2, make.JOINT_STATE, "ros2msg", make.definition(make.JOINT_STATE))
+    topics = [make.channel(number, 1, f"/said_{number}", "cdr") for number in range(1, 3000)]
+    rows = tuple((5000, make.EPOCH_NS + at * make.STEP_NS, one) for at, one in enumerate(make.payloads()))
+    joints = make.channel(5000, 2, "/joints", "cdr")
+    path = tmp_path / "topics.mcap"
+    path.write_bytes(make.build(make.Plan((rows,), (text, state, *topics, joints))))
+    _, out, _ = run("info", path)
+    assert "/joints" in out
+    assert "and 2500 more topics" in out
+    _, out, _ = run("info", path, "--json")
+    assert len(json.loads(out)["topics"]) == 3000
 
 
 def test_a_shipped_profile_is_a_start_for_ones_own(run: Run, tmp_path: Path) -> None:

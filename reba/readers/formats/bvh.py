@@ -28,7 +28,7 @@ MAX_JOINTS = 1000
 
 def sniff(path: Path, head: bytes) -> bool:
     """Return whether the first bytes are those of a BVH hierarchy."""
-    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:9].upper() == b"HIERARCHY"
+    return head.lstrip()[:9].upper() == b"HIERARCHY"
 
 
 def open_bvh(path: Path) -> Recording:

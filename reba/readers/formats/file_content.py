@@ -7,6 +7,7 @@ or so; what unpacks to far more than its size is refused before it fills the mem
 from __future__ import annotations
 
 import zlib
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -40,19 +41,21 @@ def is_packed(path: Path) -> bool:
 
 
 def head_of(path: Path) -> bytes:
-    """Return the first `HEAD` bytes, unpacked; fewer where the file is shorter or damaged.
+    """Return the first `HEAD` bytes, unpacked, texts in UTF-8 without a byte order mark; fewer of a short file.
 
     Raises:
         OSError: the file cannot be read.
     """
     with open_regular(path) as file:
         head = file.read(HEAD)
-        if not head.startswith(GZIP):
-            return head
+    if head.startswith(GZIP):
         try:
-            return zlib.decompressobj(wbits=31).decompress(head, HEAD)
+            head = zlib.decompressobj(wbits=31).decompress(head, HEAD)
         except zlib.error:
             return b""
+    if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return head.decode("utf-16", "replace").encode()
+    return head.removeprefix(BOM_UTF8)
 
 
 def file_bytes(path: Path, log: ReadLog) -> bytes:

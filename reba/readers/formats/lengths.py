@@ -17,6 +17,7 @@ METRES: Final[Mapping[str, float]] = {
     **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
     **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
 }
 """Length of one unit [m] by its name in lower case."""
 LEAST: Final = 3

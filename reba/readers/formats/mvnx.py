@@ -42,7 +42,7 @@ CHUNK = 1 << 20
 
 def sniff(path: Path, head: bytes) -> bool:
     """Return whether the first bytes are XML with the element mvnx."""
-    return b"<mvnx" in head or (path.suffix.lower() == ".mvnx" and head.removeprefix(b"\xef\xbb\xbf")[:1] == b"<")
+    return b"<mvnx" in head or (path.suffix.lower() == ".mvnx" and head[:1] == b"<")
 
 
 def open_mvnx(path: Path) -> Recording:

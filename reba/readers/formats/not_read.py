@@ -41,7 +41,7 @@ def not_read() -> tuple[NotRead, ...]:
 
 def refuse_by_content(path: Path, head: bytes) -> None:
     """Refuse a file whose first bytes are those of a format that is not read."""
-    text = head.removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
+    text = head.lstrip().decode("latin-1")
     _refuse(path, lambda known: text.startswith(known.starts))
 
 

@@ -168,7 +168,7 @@ def _rows(path: Path, name: str, values: Array, least: int) -> Array:
     hint = "save one person's rotations as axis times angle [rad], (frames, 3 for each joint)"
     if values.ndim > 1 and values.size and least > 3 and (other := _other_encoding(values.reshape(len(values), -1))):
         raise ReadError(path, f"{name} has {other}, {values.shape}", hint=hint)
-    if values.ndim == 3 and values.shape[2] != 3 and values.shape[0] == 1:
+    if values.ndim == 3 and values.shape[0] == 1 and (values.shape[2] != 3 or least == 3):
         values = values[0]
     elif values.ndim == 3 and values.shape[1] == 1:
         values = values[:, 0]
@@ -201,7 +201,8 @@ def _other_encoding(values: Array) -> str:
             return kind
     if some.shape[1] % 3 == 0 and some.size:
         sizes = np.linalg.norm(some.reshape(-1, 3), axis=1)
-        if np.mean(sizes[np.isfinite(sizes)] > 2 * np.pi) > FULL_TURNS:
+        turned = sizes[np.isfinite(sizes) & (sizes > 0)]  # hands are often left at zero
+        if len(turned) and np.mean(turned > 2 * np.pi) > FULL_TURNS:
             return "rotations of more than a turn, as degrees are"
     return ""
 

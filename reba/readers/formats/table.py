@@ -65,9 +65,9 @@ def sniff(path: Path, head: bytes) -> bool:
     """Return whether the first bytes are Parquet, a Vicon export, or text with known column names."""
     if head.startswith(PARQUET):
         return True
-    if not head.startswith((b"\xff\xfe", b"\xfe\xff")) and b"\0" in head:
+    if b"\0" in head:
         return False
-    text = head.decode("utf-16" if head.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig", "replace")
+    text = head.decode("utf-8", "replace")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     lines = lines[1:] if lines and separator_of(lines[0]) else lines
     if not lines or is_vicon(lines[0]) or is_motive(lines[0]):
@@ -89,7 +89,7 @@ def open_table(path: Path, rate: float | None = None) -> Recording:
     name = unpacked_name(path).stem
     if head.startswith(PARQUET):
         return table_recording(path, "parquet", read_parquet(path, log), log, rate, name)
-    first = head.removeprefix(b"\xef\xbb\xbf").decode("latin-1").lstrip().partition("\n")[0]
+    first = head.decode("latin-1").lstrip().partition("\n")[0]
     for known, opener in ((is_vicon, open_vicon), (is_motive, open_motive)):
         if known(first):
             if rate is not None:

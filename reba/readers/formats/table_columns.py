@@ -34,8 +34,8 @@ PLAIN: Final = frozenset({"-", "1", "bool"})
 """Units of columns that are neither angles nor lengths, times nor loads."""
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
-_AXIS = re.compile(r"(?P<name>.+?)(?P<gap>[_.: -]?[\[(]?)(?P<axis>[xyzXYZ])[\])]?")
-_AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])(?P<gap>[_.: -]|(?=\d+$))(?P<name>.+)")
+_AXIS = re.compile(r"(?P<name>.+?)(?P<gap>[_.:/ -]?[\[(]?)(?P<axis>[xyzXYZ])[\])]?")
+_AXIS_FIRST = re.compile(r"(?P<axis>[xyzXYZ])(?P<gap>[_.:/ -]|(?=\d+$))(?P<name>.+)")
 _NUMBERED = re.compile(r"(?P<stem>.*?)(?P<number>\d+)")
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NAMES = ("time", "t", "timestamp", "header.stamp", "header_stamp", "/header/stamp", "stamp", "__time", "log_time",
-         "elapsed", "elapsed_time", "seconds", "datetime", "date_time")  # fmt: skip
+         "elapsed", "elapsed_time", "sim_time", "seconds", "secs", "sec", "datetime", "date_time")  # fmt: skip
 """Names of time columns in lower case, the likelier first; a unit may follow: `time_ms`, `Time [s]`."""
 FRAMES = (
     "frame",
@@ -43,8 +43,9 @@ SECONDS: dict[str, float] = {
     **dict.fromkeys(("h", "hr", "hours"), 3600.0),
 }
 """Length of a unit of time [s] by the suffix of a column name."""
-PAIRS = ((".sec", ".nanosec"), (".secs", ".nsecs"), ("_sec", "_nanosec"), ("_secs", "_nsecs"))
-"""Suffixes of the two columns of a ROS stamp: seconds, and nanoseconds to add."""
+PAIRS = ((".sec", ".nanosec"), (".secs", ".nsecs"), ("_sec", "_nanosec"), ("_secs", "_nsecs"),
+         ("sec", "nanosec"), ("secs", "nsecs"))  # fmt: skip
+"""Suffixes of the two columns of a ROS stamp, or their names: seconds, and nanoseconds to add."""
 ABSOLUTE = 1e8
 """[s] Larger times are dates: no recording lasts that long, and counted from 1970 it is March 1973."""
 SHORTEST_STEP = 5e-4
@@ -67,12 +68,12 @@ def time_column(path: Path, columns: list[str], rate: float | None = None) -> tu
         for seconds, nanoseconds in PAIRS:
             stem = column[: -len(seconds)]
             partner = stem + nanoseconds
-            if lower.endswith(seconds) and partner in columns and stem.lower() in NAMES:
+            if lower.endswith(seconds) and partner in columns and stem.lower() in ("", *NAMES):
                 ranked.append((-1, column, 1.0, partner))
         match = _NAME.match(lower)
         suffix = (match[2] or match[3] or "") if match else ""
         if lower in NAMES:
-            ranked.append((NAMES.index(lower), column, 1.0 if lower == "seconds" else None, None))
+            ranked.append((NAMES.index(lower), column, SECONDS.get(lower), None))
         elif match and suffix in SECONDS and match[1] in NAMES:
             ranked.append((NAMES.index(match[1]), column, SECONDS[suffix], None))
     if rate is not None:

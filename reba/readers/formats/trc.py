@@ -26,7 +26,7 @@ SEPARATORS: tuple[str | None, ...] = ("\t", "\t\t", ",", None)
 
 def sniff(path: Path, head: bytes) -> bool:
     """Return whether the first bytes are the header of a TRC file."""
-    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:12].lower() == b"pathfiletype"
+    return head.lstrip()[:12].lower() == b"pathfiletype"
 
 
 def open_trc(path: Path) -> Recording:

@@ -1,7 +1,7 @@
 """Numbers that writers put where they have no value: found before anything looks at ranges, and made NaN.
 
 - a point at exactly (0, 0, 0), unless that is the origin of a body: there in every frame, with the others around it;
-- a point with three equal coordinates of a code such as -9999, in any unit of length;
+- a point with three equal coordinates of a code such as -9999 or -1, in any unit of length;
 - a point with three equal coordinates that are farther away than any body;
 - a joint or an angle of exactly such a code. An angle of 0 is a value;
 - an angle beyond 360 degrees: damaged. Joints have limits of their own, see `joints`.
@@ -26,6 +26,8 @@ from reba.readers.recording.stream import Block, Kind, ReadLog, clip
 SCALES: Final = (1.0, 0.1, 0.01, 0.001, 0.0254)
 """[m] Units of length in which a code may have been written; points are in metres here."""
 _POINT_CODES: Final = np.unique([code * scale for code in CODES for scale in SCALES])
+_MINUS_ONE: Final = [-scale for scale in SCALES]
+"""[m] What some trackers write for a point that they do not see; a point at (1, 1, 1) is one."""
 FARTHEST: Final = 1000.0
 """[m] From the origin along all three axes alike no body is: 1e6 mm, or the largest number of a type, is a code."""
 MOST_NAMES: Final = 4
@@ -42,10 +44,12 @@ def coded_points(points: Array) -> Flags:
     equal = (points[..., 1] == first) & (points[..., 2] == first)
     if not equal.any():
         return equal
-    size = np.abs(first[equal])
+    value = first[equal]
+    size = np.abs(value)
     at = np.clip(np.searchsorted(_POINT_CODES, size), 1, len(_POINT_CODES) - 1)
     nearest = np.minimum(np.abs(_POINT_CODES[at] - size), np.abs(_POINT_CODES[at - 1] - size))
-    equal[equal] = (nearest <= 1e-12 * np.maximum(size, 1.0)) | (size >= FARTHEST)
+    code = (nearest <= 1e-12 * np.maximum(size, 1.0)) | np.isin(value, _MINUS_ONE)
+    equal[equal] = code | (size >= FARTHEST)
     return equal
 
 

@@ -113,10 +113,7 @@ class ChannelClock:
 
     def as_line(self) -> tuple[Nanoseconds, Nanoseconds]:
         """Return log times and times of the recording [ns] of its points, by log time."""
-        log = np.concatenate([one.log for one in self.passes])
-        time = np.concatenate([one.stamp + one.offset for one in self.passes])
-        order = np.argsort(log, kind="stable")
-        return log[order], time[order]
+        return _line(self.passes)
 
 
 def channel_clock(trace: Trace, *, use_stamps: bool) -> ChannelClock:
@@ -192,6 +189,13 @@ def _overlap(passes: Sequence[Pass], runs: NDArray[np.int64]) -> bool:
     return any(after[0] < before[1] - JITTER for before, after in pairwise(spans))
 
 
+def _line(passes: Sequence[Pass]) -> tuple[Nanoseconds, Nanoseconds]:
+    log = np.concatenate([one.log for one in passes])
+    time = np.concatenate([one.stamp + one.offset for one in passes])
+    order = np.argsort(log, kind="stable")
+    return log[order], time[order]
+
+
 def _interpolated(at: Nanoseconds, known: Nanoseconds, values: Nanoseconds) -> Nanoseconds:
     """Return values at log times: linear between the known ones, beyond them they advance as the log time does."""
     base, first = int(known[0]), int(values[0])
@@ -218,16 +222,17 @@ class RecordingClock:
         clocks = [channel_clock(trace, use_stamps=True) for trace in traces]
         total = sum(clock.trace.count for clock in clocks)
         stamped = [clock for clock in clocks if clock.by_stamp]
+        self.seams, difference = _set_offsets(stamped)
         if 2 * sum(clock.trace.count for clock in stamped) < total:
             coarse = any(trace.coarse for trace in traces)
             self.why = "the time stamps repeat" if coarse else "most messages have no usable time stamp"
-        elif (difference := _difference(stamped)) > CLOCKS_DIFFER:
+        elif difference > CLOCKS_DIFFER:
             self.why = f"the time stamps of two topics differ by {difference / 1e9:.1f} s at one log time"
         if self.why:
             clocks = [channel_clock(trace, use_stamps=False) for trace in traces]
+            self.seams, _ = _set_offsets(clocks)
         self.source = ("publish_time" if published else "log_time") if self.why else "header.stamp"
         self.channels = clocks
-        self.seams = _set_offsets([clock for clock in clocks if clock.by_stamp != bool(self.why)])
         reference = _largest([clock for clock in clocks if clock.by_stamp] or clocks)
         for clock in clocks:
             if clock.by_stamp == bool(self.why) and reference is not None:
@@ -240,35 +245,54 @@ def _largest(clocks: Sequence[ChannelClock]) -> ChannelClock | None:
     return next((clock for clock in clocks if clock.trace.count >= ABOUT_MOST * most), None)
 
 
-def _difference(clocks: Sequence[ChannelClock]) -> float:
-    """Return the largest median difference [ns] between the stamps of two channels at one log time."""
-    largest = _largest(clocks)
-    if largest is None or largest.restarts:
-        return 0.0
-    line = largest.as_line()
-    return max(
-        float(np.median(np.abs(_interpolated(log, *line) - time)))
-        for log, time in (clock.as_line() for clock in clocks)
-    )
+def _set_offsets(clocks: Sequence[ChannelClock]) -> tuple[tuple[int, ...], int]:
+    """Set the offsets of all passes; the largest channel decides.
 
-
-def _set_offsets(clocks: Sequence[ChannelClock]) -> tuple[int, ...]:
-    """Set the offsets of all passes; the largest channel decides. Return the times of its restarts."""
+    Returns:
+        Times [ns] of the restarts, and by how much the times [ns] of two channels differ at one log time.
+    """
     main = _largest(clocks)
     if main is None:
-        return ()
-    seams = _chain(main.passes)
+        return (), 0
+    seams, differences = _chain(main.passes), [0]
     for clock in clocks:
-        if clock is main:
-            continue
-        _chain(clock.passes)
-        if len(clock.passes) == len(main.passes):
-            pairs = list(zip(clock.passes, main.passes, strict=True))
-        else:
-            pairs = [(one, max(main.passes, key=partial(_shared, one))) for one in clock.passes]
-        for one, other in pairs:
-            one.offset = other.offset if _shared(one, other) >= -JITTER else one.offset
-    return tuple(seams)
+        if clock is not main:
+            _chain(clock.passes)
+            differences.append(_align(clock.passes, main.passes))
+            for one in clock.passes:
+                start = int(one.stamp[0]) + one.offset
+                if one.restarted and all(abs(start - seam) > JITTER for seam in seams):
+                    seams.append(start)
+    return tuple(sorted(seams)), max(differences)
+
+
+def _align(passes: Sequence[Pass], main: Sequence[Pass]) -> int:
+    """Set the offsets of the passes of a channel by those of the channel that decides.
+
+    A pass has its own offset or that of the other's pass at its time, whichever is nearer to the time of the other.
+    Where this moves it against the other, their clocks did not restart alike, and it goes on beside the other.
+
+    Returns:
+        By how much [ns] the two differ at one log time.
+    """
+    if len(passes) == len(main):
+        pairs = list(zip(passes, main, strict=True))
+    else:
+        pairs = [(one, max(main, key=partial(_shared, one))) for one in passes]
+    behind = []
+    for one, other in pairs:
+        if _shared(one, other) >= -JITTER:
+            at = np.concatenate([one.log, other.log])
+            at = np.clip(at, max(one.log.min(), other.log.min()), min(one.log.max(), other.log.max()))
+            lag = int(np.median(_interpolated(at, *_line([other])) - _interpolated(at, *_line([one]))))
+            step = min(0, other.offset - one.offset, key=lambda step: abs(lag - step))
+            one.offset += step
+            behind.append((one, lag - step))
+    usual = min((lag for _, lag in behind), key=abs, default=0)
+    for one, lag in behind:
+        if abs(lag - usual) > JITTER:
+            one.offset += lag - usual
+    return abs(usual)
 
 
 def _chain(passes: Sequence[Pass]) -> list[int]:

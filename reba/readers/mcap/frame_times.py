@@ -37,5 +37,7 @@ def frame_times(
     channels = [channel for _, some in files for channel in some]
     for stream in gathered(Path(postures.source), channels, ReadLog()).streams:
         if stream.name == postures.topic and stream.logged is not None:
-            return stream.logged(time + (postures.epoch - stream.epoch), frozenset(postures.signals))
+            # Rows keep their own time, and of scored ones the epoch is that of what was scored.
+            later = 0.0 if postures.scored is not None else postures.epoch - stream.epoch
+            return stream.logged(time + later, frozenset(postures.signals))
     return own_times(time, postures.epoch)

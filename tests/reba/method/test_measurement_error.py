@@ -84,6 +84,8 @@ def test_columns_without_an_entry_have_no_error() -> None:
     ("text", "message"),
     [
         ("trunk_flexion = ", "not TOML"),
+        ("", "no error of any column"),
+        ("title = 'ours'\n", "no error of any column"),
         ("[trunk_flexion]\nsd = inf\n", "expected a finite number"),
         ("[trunk_flexion]\nsd = 400\n", "expected 0 to 180"),
         ("[trunk_flexion]\nbias = 1.0\n", "sd is missing"),

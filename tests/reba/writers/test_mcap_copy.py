@@ -155,12 +155,14 @@ def test_private_records_are_copied(tmp_path: Path) -> None:
 
 
 def test_scoring_a_scored_recording_keeps_its_scores(tmp_path: Path) -> None:
-    first, once = scored(recorded(tmp_path / "in.mcap"), tmp_path / "once.mcap")
+    first, once = scored(recorded(tmp_path / "in.mcap", slow=3), tmp_path / "once.mcap")
     heavy = reba.score(reba.read(tmp_path / "once.mcap"), activity="none", load=12.0)
     reba.write_scores(heavy, tmp_path / "twice.mcap")
     twice = checked(tmp_path / "twice.mcap")
     assert twice.payloads(TOPIC) == once.payloads(TOPIC)
     assert len(twice.messages[f"{TOPIC}_2"]) == len(first.data)
+    times = [[(m.log_time, m.publish_time) for _, m in twice.messages[topic]] for topic in (TOPIC, f"{TOPIC}_2")]
+    assert times[0] == times[1]
     assert twice.library == once.library
 
 

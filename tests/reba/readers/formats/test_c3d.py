@@ -52,6 +52,7 @@ def test_time_starts_at_the_first_frame(tmp_path: Path) -> None:
     [
         ("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("METERS", 1.0), ("mete", 1.0), ("mill", 0.001), ("cent", 0.01),
         ("mm  ", 0.001), ("mm\0\0", 0.001), ("Metre", 1.0), ("millimet", 0.001), ("(mm)", 0.001), ("inch", 0.0254),
+        ("feet", 0.3048),
     ],
 )  # fmt: skip
 def test_units(tmp_path: Path, unit: str, metre: float) -> None:

@@ -1,4 +1,4 @@
-"""Recordings packed with gzip: read as if unpacked, in bounded memory, truncated ones up to their end."""
+"""Recordings packed with gzip, and texts in other encodings: read as if they were not."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import pytest
 import reba
 from reba.readers.formats import is_recording, open_recording
 from reba.readers.formats.file_content import ANY_BYTES
-from tests.reba.readers.formats.test_formats import SEEDS
+from tests.reba.readers.formats.test_formats import MARKERS, SEEDS
+from tests.support.motive_csv import motive_csv
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -22,15 +23,30 @@ TEXTS = ("bvh", "mot", "trc", "mvnx", "csv", "vicon", "c3d")
 @pytest.mark.parametrize("name", TEXTS)
 def test_a_packed_recording_is_the_unpacked_one(tmp_path: Path, name: str) -> None:
     ending = {"vicon": "csv"}.get(name, name)
-    plain, packed = tmp_path / f"one.{ending}", tmp_path / f"one.{ending}.gz"
-    plain.write_bytes(SEEDS[name][1])
+    packed = tmp_path / f"one.{ending}.gz"
     packed.write_bytes(gzip.compress(SEEDS[name][1]))
     assert is_recording(packed)
-    for ours, theirs in zip(open_recording(packed).streams, open_recording(plain).streams, strict=True):
+    is_read_as(packed, tmp_path / f"one.{ending}", SEEDS[name][1])
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("name", [*TEXTS[:-1], "motive"])
+def test_a_text_in_the_encoding_of_a_spreadsheet_is_the_same(tmp_path: Path, name: str, encoding: str) -> None:
+    text = SEEDS[name][1].decode() if name in SEEDS else motive_csv(points={"P": MARKERS[:, 0], "Q": MARKERS[:, 1]})
+    other = tmp_path / "one.txt"  # of an ending that says nothing
+    other.write_bytes(text.replace('encoding="UTF-8"', f'encoding="{encoding[:6]}"').encode(encoding))
+    is_read_as(other, tmp_path / f"one.{'csv' if name in ('vicon', 'motive') else name}", text.encode())
+
+
+def is_read_as(other: Path, plain: Path, data: bytes) -> None:
+    """Assert that a file is read as a `plain` one of some data is."""
+    plain.write_bytes(data)
+    assert is_recording(plain)
+    for ours, theirs in zip(open_recording(other).streams, open_recording(plain).streams, strict=True):
         assert (ours.name, ours.kind, ours.names) == (theirs.name, theirs.kind, theirs.names)
-        for block, other in zip(ours.blocks(), theirs.blocks(), strict=True):
-            np.testing.assert_array_equal(block.time, other.time)
-            np.testing.assert_array_equal(block.values, other.values)
+        for block, other_block in zip(ours.blocks(), theirs.blocks(), strict=True):
+            np.testing.assert_array_equal(block.time, other_block.time)
+            np.testing.assert_array_equal(block.values, other_block.values)
 
 
 def test_members_one_after_the_other_and_padding(tmp_path: Path) -> None:

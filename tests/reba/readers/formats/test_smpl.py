@@ -67,13 +67,15 @@ def test_archives_without_a_pose_are_no_recordings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("body", [63, 69])
-@pytest.mark.parametrize("form", ["flat", "joints", "person", "person in each frame", "root in a row"])
+@pytest.mark.parametrize("form", ["flat", "joints", "person", "batch", "person in each frame", "root in a row"])
 def test_global_orient_and_body_pose(tmp_path: Path, body: int, form: str) -> None:
     arrays = library(body=body)
     if form == "joints":
         arrays["body_pose"] = arrays["body_pose"].reshape(N, -1, 3)
     if form == "person":
         arrays = {name: values[None] if name == "body_pose" else values for name, values in arrays.items()}
+    if form == "batch":
+        arrays = {name: values[None] for name, values in arrays.items()}
     if form == "person in each frame":
         arrays = {name: values[:, None] for name, values in arrays.items()}
     if form == "root in a row":
@@ -208,6 +210,7 @@ def encoded(kind: str) -> np.ndarray:
         "two columns of rotation matrices": lambda: rotation.as_matrix()[:, :, :2],
         "columns after each other": lambda: rotation.as_matrix()[:, :, :2].transpose(0, 2, 1),
         "degrees": lambda: np.degrees(turns),
+        "degrees of an arm": lambda: np.degrees(turns) * (np.arange(len(turns)) % 24 == 16)[:, None],
     }[kind]()
     return values.reshape(N, 24, -1)
 
@@ -221,6 +224,7 @@ def encoded(kind: str) -> np.ndarray:
         ("two columns of rotation matrices", "6 numbers"),
         ("columns after each other", "6 numbers"),
         ("degrees", "degrees"),
+        ("degrees of an arm", "degrees"),
     ],
 )
 def test_other_encodings_of_rotations_are_named(tmp_path: Path, kind: str, word: str, flat: bool) -> None:

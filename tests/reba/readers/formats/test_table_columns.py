@@ -109,7 +109,9 @@ def test_a_name_without_a_side_stands_for_both(tmp_path: Path) -> None:
     np.testing.assert_array_equal(data["upper_arm_flexion_right"], np.arange(12))
 
 
-@pytest.mark.parametrize("form", ["{p}_{a}", "{p}.{A}", "{p} {a}", "{p}[{a}]", "{p} ({A})", "{a}_{p}", "{A} {p}"])
+@pytest.mark.parametrize(
+    "form", ["{p}_{a}", "{p}.{A}", "{p} {a}", "{p}[{a}]", "{p} ({A})", "{a}_{p}", "{A} {p}", "{p}/{a}"]
+)
 def test_an_axis_stands_behind_or_before_the_point(form: str) -> None:
     names = [form.format(p=point, a=axis, A=axis.upper()) for point in ("left_hip", "nose") for axis in "xyz"]
     assert coordinates(names) == {"left_hip": tuple(names[:3]), "nose": tuple(names[3:])}

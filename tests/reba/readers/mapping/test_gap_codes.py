@@ -60,7 +60,7 @@ def test_a_point_that_leaves_zero_late_was_a_gap() -> None:
     np.testing.assert_array_equal(np.isnan(values[:, 0]).all(axis=1), np.arange(40) < 30)
 
 
-@pytest.mark.parametrize("code", [-999.0, -9999.0, 9999.0, 99999.0])
+@pytest.mark.parametrize("code", [-1.0, -999.0, -9999.0, 9999.0, 99999.0])
 @pytest.mark.parametrize("scale", [1.0, 0.001])
 def test_codes_of_points_in_any_unit(code: float, scale: float) -> None:
     points = body()

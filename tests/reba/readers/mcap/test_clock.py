@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reba.readers.mcap.clock import ChannelClock, channel_clock
+from reba.readers.mcap.clock import ChannelClock, RecordingClock, channel_clock
 from reba.readers.mcap.trace import MOST_POINTS, Nanoseconds, Trace
 
 SECOND = 10**9
@@ -71,3 +71,33 @@ def test_messages_of_one_stamp_that_come_together_keep_it() -> None:
     log = LOG[0] + np.repeat(np.arange(30), 23) * SECOND + np.tile(np.arange(23), 30) * 100_000
     trace.add(log, log // SECOND * SECOND)
     assert channel_clock(trace, use_stamps=True).by_stamp
+
+
+@pytest.mark.parametrize("joints", [(), (400,), (200, 450)])
+@pytest.mark.parametrize("frames", [(), (300,), (400,), (410,), (150, 450)])
+@pytest.mark.parametrize("back", [100, 149])
+def test_topics_whose_clocks_do_not_restart_alike_stay_together(
+    joints: tuple[int, ...], frames: tuple[int, ...], back: int
+) -> None:
+    """A player that loops one of two topics, or simulators that are reset one after the other."""
+    traces, stamps = [], []
+    for restarts in (frames, joints):
+        stamp = LOG - back * SECOND // 50 * np.searchsorted(restarts, np.arange(600), side="right")
+        traces.append(Trace())
+        traces[-1].add(LOG, stamp.copy())
+        stamps.append(stamp)
+    clock = RecordingClock(traces)
+    assert clock.source == "header.stamp"
+    for channel, stamp in zip(clock.channels, stamps, strict=True):
+        np.testing.assert_array_equal(channel.times(np.arange(600), LOG, stamp)[0], LOG)
+    alone = [at for at in joints if all(abs(at - other) > 25 for other in frames)]
+    assert [round((seam - LOG[0]) * 50 / SECOND) for seam in clock.seams] == sorted([*frames, *alone])
+
+
+def test_one_topic_that_restarts_beside_another_clock_is_read_by_log_time() -> None:
+    traces = [Trace(), Trace()]
+    traces[0].add(LOG, LOG.copy())
+    traces[1].add(LOG, restart(LOG - LOG[0], 400))
+    clock = RecordingClock(traces)
+    assert clock.source == "log_time"
+    assert "differ by" in clock.why
