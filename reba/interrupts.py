@@ -19,6 +19,8 @@ from importlib import import_module
 from types import FrameType
 from typing import Any, Final, NoReturn
 
+from reba.import_path import leave_out_current_folder
+
 WORDS: Final[dict[int, str]] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 """Signals that end a command, and the word for each."""
 RAISE_AGAIN_SECONDS: Final = 0.02
@@ -47,6 +49,7 @@ def enter(module: str) -> NoReturn:
         try:
             _Received.importing = module.partition(".")[0]
             _install()
+            leave_out_current_folder()
             main = import_module(module).main
             _Received.importing = ""
             main()
