@@ -36,8 +36,9 @@ _AXIS_ERROR: Final = 0.01
 def read_urdf(path: Path, base: PlanarBase | None = None) -> tuple[ET.Element, str]:
     """Return the root element of a URDF file, all of whose links and joints are checked, and a text for Pinocchio.
 
-    In the text every joint has one coordinate of its own: endless ones have limits, and none follows another; shapes are left out.
-    Planar joints, which have three coordinates, are split into three joints, see `lgp.kinematics.planar_joints`.
+    In the text no link has a shape, and every joint has one coordinate of its own: endless ones have limits, and none
+    follows another. Planar joints, which have three coordinates, are split into three joints, see
+    `lgp.kinematics.planar_joints`.
 
     Args:
         base: of a robot that moves over the floor.

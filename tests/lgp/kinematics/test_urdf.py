@@ -32,8 +32,8 @@ def test_capsules_are_read_and_drawn_about_their_middle(tmp_path: Path, capfd: p
     path.write_text(URDF.replace('<sphere radius="0.05"', '<capsule radius="0.05" length="0.3"'))
     assert robot_model(_robot(path)).model.existBodyName("hand")
     drawn = next(one for one in robot_meshes(_robot(path)) if one.link == "hand")
-    assert np.abs(drawn.mesh.vertices.max(axis=0) - [0.05, 0.05, 0.2]).max() < 0.002
-    assert np.abs(drawn.mesh.vertices.min(axis=0) + [0.05, 0.05, 0.2]).max() < 0.002
+    ends = np.abs([drawn.mesh.vertices.min(axis=0), drawn.mesh.vertices.max(axis=0)])
+    assert np.abs(ends - [0.05, 0.05, 0.2]).max() < 0.002
     assert capfd.readouterr().err == ""
 
 
