@@ -14,9 +14,11 @@ True
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # that of typing takes long to import, and Ctrl-C is not handled yet
 if TYPE_CHECKING:
+    from typing import Any
+
     from dreba.domain import Bins, Domain, domain_of
     from dreba.errors import DomainError, FactorWarning, ModelError, RadiansWarning, SampleError
     from dreba.evaluation.evaluate import compare, evaluate, fit_to

@@ -11,9 +11,11 @@ and the motion of all agents.
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # that of typing takes long to import, and Ctrl-C is not handled yet
 if TYPE_CHECKING:
+    from typing import Any
+
     from lgp.agent_trajectory import AgentTrajectory
     from lgp.audit.audit import audit_plan
     from lgp.audit.faults import Audit

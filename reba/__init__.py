@@ -10,9 +10,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # that of typing takes long to import, and Ctrl-C is not handled yet
 if TYPE_CHECKING:
+    from typing import Any
+
     from reba._version import __version__
     from reba.analysis.improve import Improvement
     from reba.analysis.worksheet import Worksheet

@@ -13,11 +13,16 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from types import FrameType
-from typing import Any, Final, NoReturn
+
+from reba.import_path import leave_out_current_folder
+
+TYPE_CHECKING = False  # that of typing takes long to import, and no signal is handled yet
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+    from typing import Any, Final, NoReturn
 
 WORDS: Final[dict[int, str]] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 """Signals that end a command, and the word for each."""
@@ -47,6 +52,7 @@ def enter(module: str) -> NoReturn:
         try:
             _Received.importing = module.partition(".")[0]
             _install()
+            leave_out_current_folder()
             main = import_module(module).main
             _Received.importing = ""
             main()

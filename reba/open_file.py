@@ -39,6 +39,8 @@ def open_regular(
     descriptor = os.open(path, _FLAGS | (os.O_RDWR | os.O_APPEND | os.O_CREAT if append else os.O_RDONLY), 0o666)
     try:
         _check(path, os.fstat(descriptor), limit_bytes)
+        if not append:
+            _refuse_pseudo_file(path, descriptor)
         return os.fdopen(descriptor, "a+b" if append else "rb", buffering)
     except BaseException:
         os.close(descriptor)
@@ -75,6 +77,14 @@ def _check(path: str | os.PathLike[str], status: os.stat_result, limit_bytes: in
         raise OSError(errno.EINVAL, "not a regular file", name)
     if limit_bytes is not None and status.st_size > limit_bytes:
         raise _too_large(path, limit_bytes)
+
+
+def _refuse_pseudo_file(path: str | os.PathLike[str], descriptor: int) -> None:
+    """Refuse what states to be a regular file of no bytes and gives some, as /proc/kmsg, which waits for more."""
+    if os.fstat(descriptor).st_size == 0 and os.read(descriptor, 1):
+        if os.fstat(descriptor).st_size == 0:
+            raise OSError(errno.EINVAL, "not a regular file", os.fspath(path))
+        os.lseek(descriptor, 0, os.SEEK_SET)  # it was just written
 
 
 def _too_large(path: str | os.PathLike[str], limit_bytes: int) -> OSError:

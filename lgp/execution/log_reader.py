@@ -192,13 +192,14 @@ def claim(file: Path, past: LoggedRun | None) -> tuple[IO[bytes], LoggedRun | No
     if not lock_exclusively(lock.fileno()):
         lock.close()
         raise LgpError(f"{file.parent}: a run of this plan is in progress; wait until it ends, or copy the folder")
+    aside = file.with_name(file.name + INTERRUPTED)
+    former = [aside, file]  # a restart that was killed leaves both
     if past is not None:
-        aside = file.with_name(file.name + INTERRUPTED)
         os.replace(past.file, aside)
-        past = replace(past, file=aside)
-    if file.exists():
+        past, former = replace(past, file=aside), [file]
+    for log in filter(os.path.exists, former):
         numbered = (file.with_stem(f"{file.stem}-{number}") for number in itertools.count(1))
-        os.replace(file, next(path for path in numbered if not path.exists()))
+        os.replace(log, next(path for path in numbered if not path.exists()))
     return lock, past
 
 

@@ -18,7 +18,12 @@ from reba.open_file import read_regular
 
 URDF_BYTES: Final = 1 << 24
 """[bytes] Largest file; a choice."""
-SIZES: Final = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}, "capsule": {}}
+SIZES: Final = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
 """Shapes and how many numbers each of their attributes has."""
 _JOINTS: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _INERTIA: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -31,8 +36,9 @@ _AXIS_ERROR: Final = 0.01
 def read_urdf(path: Path, base: PlanarBase | None = None) -> tuple[ET.Element, str]:
     """Return the root element of a URDF file, all of whose links and joints are checked, and a text for Pinocchio.
 
-    In the text every joint has one coordinate of its own: endless ones have limits, and none follows another.
-    Planar joints, which have three coordinates, are split into three joints, see `lgp.kinematics.planar_joints`.
+    In the text no link has a shape, and every joint has one coordinate of its own: endless ones have limits, and none
+    follows another. Planar joints, which have three coordinates, are split into three joints, see
+    `lgp.kinematics.planar_joints`.
 
     Args:
         base: of a robot that moves over the floor.
@@ -61,8 +67,11 @@ def read_urdf(path: Path, base: PlanarBase | None = None) -> tuple[ET.Element, s
 
 
 def _plain(root: ET.Element) -> str:
-    """Return a URDF as text in which no joint is endless and none follows another."""
+    """Return a URDF as text in which no joint is endless, none follows another, and no link has a shape."""
     plain = ET.fromstring(ET.tostring(root))
+    for link in plain.findall("link"):
+        for part in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(part)  # Pinocchio makes no use of them, and complains of a capsule
     for joint in plain.findall("joint"):
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)

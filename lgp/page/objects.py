@@ -82,10 +82,11 @@ def _shape(
         body = trimesh.creation.box(size["size"])
     elif shape.tag == "cylinder":
         body = trimesh.creation.cylinder(size["radius"][0], size["length"][0])
-    elif shape.tag == "sphere":
-        body = trimesh.creation.icosphere(3, size["radius"][0])
+    elif shape.tag == "capsule":
+        body = trimesh.creation.capsule(size["length"][0], size["radius"][0])
+        body.vertices -= body.bounds.mean(axis=0)
     else:
-        return "", None
+        body = trimesh.creation.icosphere(3, size["radius"][0])
     return f"{shape.tag} {shape.attrib}", reduced([(body.vertices, body.faces, rgb)])
 
 

@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
+from reba.import_path import leave_out_for_started
 from reba.interrupts import held_back
 
 TASKS_PER_WORKER: Final = 2
@@ -71,7 +72,7 @@ class Processes:
 
     def __init__(self, jobs: int) -> None:
         # Workers, and the process that cleans up after them, would import a numpy.py of the current folder.
-        os.environ.setdefault("PYTHONSAFEPATH", "1")
+        leave_out_for_started()
         self.jobs = jobs
         self._pool = self._start(jobs)
 

@@ -60,5 +60,5 @@ def print_pdf(html: str, path: Path) -> None:
 
 def find_browser() -> str | None:
     """Return the path of a browser that prints, None if there is none."""
-    named = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    named = next((path for name in BROWSERS if os.path.isabs(path := shutil.which(name) or "")), None)
     return named or next((path for path in PLACES if Path(path).exists()), None)

@@ -29,6 +29,7 @@ from reba.files import as_json
 from reba.method.tables import TABLE_A, TABLE_B, TABLE_C
 from reba.open_file import open_regular
 from reba.posture.angles import against_gravity
+from reba.printable import printable
 from reba.provenance import generator
 from reba.readers.formats.score_file import FRAMES, KEY, RECORD
 from reba.writers.xlsx_worksheet import AGAINST_GRAVITY, ARM_COLUMNS, worksheet_rows
@@ -81,7 +82,7 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
     summary = _flat({} if scores is None else summarise(scores), _LEFT_OUT)
     rules = {} if scores is None else {f"rules.{name}": value for name, value in about["rules"].items()}
     rows = {**summary, **_flat(about, (*_LEFT_OUT, "factors", "activity")), **rules}
-    _sheet(book, "Summary", [("what", "value"), *rows.items()])
+    _sheet(book, "Summary", [("what", "value"), *((_cell(name), value) for name, value in rows.items())])
     if scores is not None:
         _sheet(book, "Intervals", _intervals(summarise(scores)["worst"]))
         if scores.rules.upper_arm_reference == "gravity":
@@ -166,19 +167,19 @@ def _gravity_columns(scores: ScoreTable) -> pd.DataFrame:
 
 
 def _table(data: pd.DataFrame) -> Iterator[list[Any]]:
-    yield [cell_of(str(name)) for name in data.columns]
+    yield [_cell(str(name)) for name in data.columns]
     columns = [data[name].astype(object).where(data[name].notna(), None).tolist() for name in data.columns]
     for row in zip(*columns, strict=True):
         yield [_cell(value) for value in row]
 
 
 def _cell(value: Any) -> Any:
-    """Return a value as a cell holds it; what is not finite is empty."""
+    """Return a value as a cell holds it: what is not finite is empty, and no text has characters that XML lacks."""
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not np.isfinite(value):
         return None
-    return cell_of(value)
+    return cell_of(printable(value, "\n\t")) if isinstance(value, str) else value
 
 
 def _worst_frame(scores: ScoreTable) -> int:

@@ -30,11 +30,21 @@ def test_pipes_sockets_devices_and_folders_are_refused_at_once(tmp_path: Path) -
         read_settings(tmp_path)
 
 
-def test_more_bytes_than_allowed_are_refused(tmp_path: Path) -> None:
+def test_more_bytes_than_allowed_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_bytes(b"x" * 10)
     assert len(read_regular(tmp_path / "file", limit_bytes=10)) == 10
     with pytest.raises(OSError, match="larger than 9 bytes"):
         read_regular(tmp_path / "file", limit_bytes=9)
-    # /proc files have no size before they are read.
+    monkeypatch.setattr("reba.open_file._check", lambda *_: None)  # it grew since
     with pytest.raises(OSError, match="larger than 9 bytes"):
-        read_regular("/proc/self/environ", limit_bytes=9)
+        read_regular(tmp_path / "file", limit_bytes=9)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="only Linux has such files")
+@pytest.mark.parametrize("name", ["self/status", "self/environ", "meminfo"])
+def test_what_only_looks_like_a_regular_file_is_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / "link.csv").symlink_to(Path("/proc", name))
+    with pytest.raises(OSError, match="not a regular file"):
+        open_regular(tmp_path / "link.csv")
+    (tmp_path / "empty").touch()
+    assert read_regular(tmp_path / "empty") == b""

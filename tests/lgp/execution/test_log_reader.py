@@ -17,7 +17,8 @@ import pytest
 import lgp
 import reba
 from lgp.execution.log import RunLog
-from lgp.execution.log_reader import INTERRUPTED, messages, read_logged_run
+from lgp.execution.log_reader import INTERRUPTED, interrupted_run, messages, read_logged_run
+from lgp.execution.session import ExecutionRun, RunOptions
 from tests.support.execution_plans import kinds, saved, small_plan, went
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
@@ -81,6 +82,20 @@ def test_a_restart_that_is_killed_while_it_copies_loses_nothing(folder: Path) ->
     summary, _ = went(folder, resume=True)
     assert summary["state"] == "finished"
     assert summary["actions"] == list(small_plan().actions)
+
+
+def test_a_run_begun_anew_is_not_taken_for_an_older_one(folder: Path) -> None:
+    log = folder / "run.mcap"
+    whole = log.read_bytes()
+    log.rename(log.with_name(log.name + INTERRUPTED))
+    log.write_bytes(whole[: len(whole) // 3])
+    fresh = ExecutionRun(folder, RunOptions(speed=0.0, compare=False))
+    fresh.start()
+    fresh.close()
+    with pytest.raises(lgp.LgpError) as error:  # it ended before its first checkpoint
+        interrupted_run(log)
+    says(error, log, "no log of an interrupted run", "without --resume")
+    assert sorted(len(path.read_bytes()) for path in folder.glob("run-*.mcap")) == [len(whole) // 3, len(whole)]
 
 
 def test_a_log_cut_in_the_middle_can_be_gone_on_from(folder: Path) -> None:

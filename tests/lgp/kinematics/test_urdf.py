@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lgp.errors import WorldError
 from lgp.kinematics.robot import robot_model
 from lgp.kinematics.urdf import read_urdf
+from lgp.page.objects import robot_meshes
 from lgp.scene.model import Robot
 from tests.support.robot_files import URDF, arm
 from tests.support.says import says
@@ -23,6 +25,16 @@ def test_a_valid_file_gives_the_model(tmp_path: Path) -> None:
     path = tmp_path / "r.urdf"
     path.write_text(URDF)
     assert list(robot_model(_robot(path)).model.names) == ["universe", "lift", "turn"]
+
+
+def test_capsules_are_read_and_drawn_about_their_middle(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF.replace('<sphere radius="0.05"', '<capsule radius="0.05" length="0.3"'))
+    assert robot_model(_robot(path)).model.existBodyName("hand")
+    drawn = next(one for one in robot_meshes(_robot(path)) if one.link == "hand")
+    ends = np.abs([drawn.mesh.vertices.min(axis=0), drawn.mesh.vertices.max(axis=0)])
+    assert np.abs(ends - [0.05, 0.05, 0.2]).max() < 0.002
+    assert capfd.readouterr().err == ""
 
 
 LAUGHS = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
@@ -39,6 +51,8 @@ CHANGES = {
     "two_sizes": ('size="0.2 0.3 0.4"', 'size="0.2 0.3"', "link 'base'", "size of <box>", "3 numbers"),
     "negative": ('radius="0.05" length', 'radius="-1" length', "link 'upper'", "radius of <cylinder>"),
     "zero": ('<sphere radius="0.05"', '<sphere radius="0"', "link 'hand'", "radius of <sphere>", "above 0"),
+    "capsule": ('<sphere radius="0.05"', '<capsule radius="0.05"', "link 'hand'", "<capsule> has no length"),
+    "capsule_word": ('<sphere radius="0.05"', '<capsule radius="abc" length="1"', "link 'hand'", "radius of <capsule>"),
     "nan": ('xyz="0 0 0.4"', 'xyz="0 0 nan"', "joint 'lift'", "xyz of <origin>", "3 numbers"),
     "infinite": ('value="2.5"', 'value="inf"', "link 'base'", "value of <mass>"),
     "large": ('value="2.5"', 'value="1e400"', "link 'base'", "value of <mass>"),

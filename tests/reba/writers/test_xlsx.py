@@ -101,6 +101,18 @@ def test_a_workbook_is_scored_again_by_the_rules_that_it_was_recorded_with(tmp_p
     assert not is_score_file(tmp_path / "p.xlsx")
 
 
+def test_characters_that_no_workbook_holds_are_written_as_their_codes(tmp_path: Path) -> None:
+    given = tmp_path / "left\x1b[31m\udcff.csv"
+    given.write_text('time,trunk_flexion,"note\x1b[2J"\n0,10,a\ufffeb\n1,20,\x07\n', encoding="utf-8")
+    table = reba.read(given)
+    reba.write_postures(table, tmp_path / "out.xlsx")
+    reba.write_scores(reba.score(table), tmp_path / "scores.xlsx")
+    frames = pd.read_excel(tmp_path / "out.xlsx", sheet_name="Frames")
+    assert frames["note\\x1b[2J"].tolist() == ["a\\ufffeb", "\\x07"]
+    texts = pd.read_excel(tmp_path / "scores.xlsx", sheet_name="Summary").astype(str).to_string()
+    assert "\x1b" not in texts
+
+
 def test_a_sheet_of_another_program_with_the_name_is_a_sheet(tmp_path: Path) -> None:
     book = openpyxl.Workbook()
     book.active.title = "Frames"
