@@ -96,6 +96,15 @@ def on_both_sides(row: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**{column: row[name] for name in sideless for column in COLUMNS_OF[name]}, **row} if sideless else row
 
 
+def by_column(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by column; one by a name without a side is that of each side that has none of its own.
+
+    >>> by_column({"knee_flexion_left": 5, "knee_flexion": 60})
+    {'knee_flexion_left': 5, 'knee_flexion_right': 60}
+    """
+    return {name: value for name, value in on_both_sides(values).items() if name not in SIDELESS}
+
+
 def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) -> tuple[str, ...]:
     """Return columns by their names in the order of `COLUMNS`; a name without a side stands for both.
 
