@@ -18,7 +18,7 @@ import numpy as np
 
 from dreba.errors import DomainError
 from reba.arrays import Array
-from reba.checks import from_home, is_finite, shown
+from reba.checks import PATH, accepts, from_home, is_finite, shown
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
@@ -216,6 +216,7 @@ class Domain:
             raise DomainError(f"domain {name!r} is incomplete or damaged ({error}); use --domain or --poses") from error
 
     @staticmethod
+    @accepts(DomainError, path=PATH)
     def load_file(path: str | Path) -> Domain:
         """Read a domain from a TOML file: `name`, `[limits]` in degrees, and optionally `title`, `source`, `rules`
         (a preset's name or a table), `load`, `[bins]`, `sides`. A name without a side stands for both.

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from reba.checks import shown
+from reba.checks import items_of, shown
 from reba.errors import PostureError, did_you_mean
 
 SIDES: tuple[str, str] = ("left", "right")
@@ -115,10 +115,11 @@ def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) 
         >>> columns_named(["knee_flexion", "trunk_flexion"])
         ('trunk_flexion', 'knee_flexion_left', 'knee_flexion_right')
     """
-    if isinstance(names, str) or not isinstance(names, Iterable):
+    given = items_of(names)
+    if given is None:
         raise error(f"columns are {shown(names)}; expected a list of names of reba.COLUMNS")
     selected: set[str] = set()
-    for name in names:
+    for name in given:
         columns = COLUMNS_OF.get(name, (name,)) if isinstance(name, str) else ()
         if not columns or columns[0] not in INDEX:
             near = did_you_mean(name, (*COLUMNS_OF, *COLUMNS))
