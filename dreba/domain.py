@@ -18,12 +18,12 @@ import numpy as np
 
 from dreba.errors import DomainError
 from reba.arrays import Array
-from reba.checks import from_home, is_finite, shown
+from reba.checks import PATH, accepts, from_home, is_finite, shown
 from reba.errors import RebaError, did_you_mean
 from reba.method.classes import angle_classes
 from reba.method.rules import Rules, rules_of
 from reba.open_file import read_settings
-from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, columns_named
+from reba.posture.columns import BEST, COLUMNS, by_column, columns_named
 from reba.toml_table import TomlTable
 
 DOMAINS: Final = ("human", "human_description", "paper")
@@ -133,7 +133,7 @@ class Domain:
         for name, angle in angles.items():
             if not is_finite(angle):
                 raise DomainError(f"{name} is held at {shown(angle)}; expected degrees")
-        limits = self.limits | {name: (float(angle), float(angle)) for name, angle in _both_sides(angles).items()}
+        limits = self.limits | {name: (float(angle), float(angle)) for name, angle in by_column(angles).items()}
         return dataclasses.replace(self, limits=limits)
 
     def only(self, joints: Iterable[str]) -> Self:
@@ -216,6 +216,7 @@ class Domain:
             raise DomainError(f"domain {name!r} is incomplete or damaged ({error}); use --domain or --poses") from error
 
     @staticmethod
+    @accepts(DomainError, path=PATH)
     def load_file(path: str | Path) -> Domain:
         """Read a domain from a TOML file: `name`, `[limits]` in degrees, and optionally `title`, `source`, `rules`
         (a preset's name or a table), `load`, `[bins]`, `sides`. A name without a side stands for both.
@@ -256,10 +257,10 @@ def _parse(text: str, where: str) -> Domain:
         table = TomlTable(where, tomllib.loads(text), DomainError)
     except (ValueError, RecursionError) as error:
         raise DomainError(f"{where}: not TOML ({error})") from error
-    bins = _both_sides({name: _bins(own) for name, own in table.tables("bins").items()})
+    bins = by_column({name: _bins(own) for name, own in table.tables("bins").items()})
     limits = {column: (own.edges[0], own.edges[-1]) for column, own in bins.items() if own.edges}
     ranges = table.table("limits")
-    limits |= _both_sides({name: ranges.vector(name, 2) for name in ranges.values})
+    limits |= by_column({name: ranges.vector(name, 2) for name in ranges.values})
     preset = isinstance(table.values.get("rules", ""), str)
     rules = table.text("rules", "measured") if preset else table.table("rules").values
     name, title, source = table.text("name", Path(where).stem), table.text("title", ""), table.text("source", "")
@@ -286,11 +287,6 @@ def _bins(table: TomlTable) -> Bins:
     if not all(number.is_integer() for number in points):
         raise DomainError(f"{table.where}: points are {points}; expected whole numbers from 0 to 4")
     return Bins(edges, tuple(int(number) for number in points))
-
-
-def _both_sides(values: dict[str, Any]) -> dict[str, Any]:
-    """Return values by column; a name without a side stands for both columns."""
-    return {column: value for name, value in values.items() for column in COLUMNS_OF.get(name, (name,))}
 
 
 def _is_pair(value: Any) -> bool:

@@ -18,7 +18,7 @@ from dreba.sampling.sample import sample as draw
 from reba.checks import shown
 from reba.command_line import SEED
 from reba.errors import did_you_mean
-from reba.posture.columns import columns_named
+from reba.posture.columns import by_column, columns_named
 
 if TYPE_CHECKING:
     from dreba.surrogates.base import Surrogate
@@ -155,8 +155,9 @@ def hold_of(text: str | None) -> str | dict[str, float] | None:
             raise SampleError(
                 f"hold is {shown(item)}; expected {NEUTRAL} alone, or COLUMN=DEGREES by commas, such as wrist_twist=0"
             ) from error
-        held |= dict.fromkeys(columns_named([name.strip()], SampleError), degrees)
-    return held
+        columns_named([name.strip()], SampleError)
+        held[name.strip()] = degrees
+    return by_column(held)
 
 
 def drawn_domain(domain: str | None, joints: Any, hold: Any) -> Domain:

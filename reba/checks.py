@@ -68,6 +68,20 @@ def is_finite(value: Any) -> bool:
     return is_number(value) and bool(abs(value) <= sys.float_info.max)
 
 
+def items_of(value: Any) -> tuple[Any, ...] | None:
+    """Return the items of a list, an array or another iterable; None of a text and of what has no items.
+
+    >>> items_of(["a", "b"]), items_of("ab"), items_of(3)
+    (('a', 'b'), None, None)
+    """
+    if isinstance(value, str):
+        return None
+    try:
+        return tuple(value)
+    except TypeError:
+        return None
+
+
 def _is_whole(value: Any) -> bool:
     return isinstance(value, _WHOLE) and not isinstance(value, _YES_NO)
 

@@ -8,7 +8,7 @@ steps. It takes a posture only if it satisfies the constraint: the true score ca
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -18,7 +18,7 @@ from dreba.evaluation.class_boxes import Box, levels, widest
 from dreba.evaluation.reach_figure import ARMS, from_shoulder, hand, neutral, true_score
 from dreba.evaluation.reach_tasks import INFEASIBLE, ReachTask
 from dreba.evaluation.staged_minimiser import SCALE, TOLERANCE
-from reba.arrays import Array
+from reba.arrays import Array, Indices
 from reba.posture.columns import SIDES
 
 STEPS: Final = 8
@@ -111,22 +111,21 @@ _MIRROR: Final = {"left": np.array([1.0, 1.0, 1.0]), "right": np.array([1.0, -1.
 
 
 class _ArmTable(NamedTuple):
-    """Postures (n, 7) [deg] of the left arm with a Score B up to a limit, neutral first; their boxes and grips [m]."""
+    """Postures (n, 7) [deg] of the left arm with a Score B up to a limit, neutral first; their boxes.
+
+    `nearest` is `query` of a tree of their grips [m]: points (n, 3) -> distances to the nearest grip, its number.
+    """
 
     postures: Array
     boxes: list[Box]
-    grips: Array
-
-    def nearest(self, points: Array) -> tuple[Array, Array]:
-        """Return the distances [m] of points (n, 3) to the nearest grips, and the numbers of these postures."""
-        distance = np.linalg.norm(points[:, None] - self.grips, axis=-1)
-        number = distance.argmin(axis=1)
-        return distance[np.arange(len(points)), number], number
+    nearest: Callable[[Array], tuple[Array, Indices]]
 
 
 @cache
 def _arm_table(score_b: int) -> _ArmTable:
     """Return random postures of every box of a Score B, and the neutral arm, which is free of cost."""
+    from scipy.spatial import KDTree
+
     rng, places = np.random.default_rng(score_b), ARMS["left"]
     boxes = widest("left", score_b)
     rest = neutral()
@@ -141,7 +140,8 @@ def _arm_table(score_b: int) -> _ArmTable:
     for posture in postures:
         upright[places] = posture
         grips.append(hand(upright, "left")[0] - shoulder)
-    return _ArmTable(np.array(postures), [home, *(box for box in boxes for _ in range(POSTURES))], np.array(grips))
+    every = [home, *(box for box in boxes for _ in range(POSTURES))]
+    return _ArmTable(np.array(postures), every, KDTree(np.array(grips)).query)
 
 
 def _solve(one: _Try, task: ReachTask, most: int) -> tuple[Array | None, int]:

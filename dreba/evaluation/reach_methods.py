@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import process_time
 from typing import Final
 
 import numpy as np
@@ -116,9 +116,10 @@ def graduated(model: Surrogate, name: str = "") -> Method:
 
 
 def methods_of(models: dict[str, Surrogate]) -> list[Method]:
-    """Return the rows of a comparison: both costs without REBA and each model, with a free start and without.
+    """Return the rows of a comparison: both costs without REBA and each model, alone, with a free start, and with both
+    a free start and the polish.
 
-    Models with temperatures are minimised in one stage and in stages; the polish follows the distance and the stages.
+    Models with temperatures are minimised in one stage and in stages.
     """
     rows = [DISTANCE, COMFORT]
     for name, model in models.items():
@@ -128,11 +129,8 @@ def methods_of(models: dict[str, Surrogate]) -> list[Method]:
         rows.append(one_stage(model, name))
         if model.temperatures_:
             rows.append(graduated(model, name))
-    every = [replace(row, free_start=free) for row in rows for free in (False, True)]
-    polished = [
-        replace(row, free_start=True, polished=True) for row in rows if row is DISTANCE or len(row.objectives) > 1
-    ]
-    return [*every, *polished]
+    added = ((False, False), (True, False), (True, True))
+    return [replace(row, free_start=free, polished=polished) for row in rows for free, polished in added]
 
 
 def _objective(model: Surrogate, temperature: float | None) -> Objective:
@@ -150,7 +148,7 @@ def _objective(model: Surrogate, temperature: float | None) -> Objective:
 
 @dataclass(frozen=True)
 class ReachResult:
-    """Results of a method on tasks x starts: exact scores, and means per run of evaluations and wall time.
+    """Results of a method on tasks x starts: exact scores, and means per run of evaluations and processor time.
 
     Attributes:
         scores: (tasks, starts), `INFEASIBLE` where the targets were not reached.
@@ -196,12 +194,12 @@ def _run(method: Method, reach_tasks: Sequence[ReachTask], initial: Array, budge
     objectives = [_on_figure(objective) for objective in method.objectives]
     scores = np.empty(initial.shape[:2], np.int64)
     counts = []
-    start_time = perf_counter()
+    start_time = process_time()
     for row, task in enumerate(reach_tasks):
         for column, start in enumerate(initial[row]):
             scores[row, column], *count = _solve(method, objectives, task, start, budget)
             counts.append((scores[row, column] == INFEASIBLE, *count))
-    seconds = (perf_counter() - start_time) / len(counts)
+    seconds = (process_time() - start_time) / len(counts)
     infeasible, evaluations, constraint_evaluations = (float(mean) for mean in np.mean(counts, axis=0))
     return ReachResult(scores, infeasible, evaluations, constraint_evaluations, seconds)
 

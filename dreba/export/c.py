@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from string import Template
 from typing import Any, Final
 
@@ -23,6 +24,7 @@ from dreba.surrogates.soft_steps import ROWS
 from dreba.surrogates.task_factors import HIGHEST_POINTS, PAYLOADS
 from reba.method.rules import LOAD_EDGES
 from reba.posture.columns import COLUMNS, INDEX
+from reba.printable import printable
 from reba.provenance import generator
 
 _UNUSED: Final = "        (void)second;\n"
@@ -91,7 +93,7 @@ def _common(model: Surrogate, name: str, joint_map: JointMap | None, hessian: st
         "q": "angles" if joint_map is None else "joints",
         "unit": {"deg": "degrees", "rad": "radians"}[unit],
         "one": {"deg": "degree", "rad": "radian"}[unit],
-        "joints": ",\n *     ".join(f"{index} {joint}" for index, joint in enumerate(joints)),
+        "joints": ",\n *     ".join(f"{index} {_in_comment(joint)}" for index, joint in enumerate(joints)),
         "held": "",
         "generator": generator(),
         "most": repr(float(HIGHEST_POINTS)),
@@ -119,6 +121,11 @@ def _common(model: Surrogate, name: str, joint_map: JointMap | None, hessian: st
             "map_factor": values(joint_map.matrix[rows, columns]),
         }
     return fields
+
+
+def _in_comment(name: str) -> str:
+    """Return a name as text that neither ends nor begins a comment."""
+    return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", printable(name))
 
 
 def _quadratic(model: QuadraticModel) -> dict[str, Any]:

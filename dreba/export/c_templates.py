@@ -50,8 +50,8 @@ HEADER: Final = """\
  *
 $interface
  */
-#ifndef ${guard}_H
-#define ${guard}_H
+#ifndef ${name}_H
+#define ${name}_H
 
 #define ${guard}_JOINTS $m
 

@@ -20,6 +20,7 @@ from dreba.surrogates.task_factors import HIGHEST_POINTS
 from reba.extras import missing
 from reba.method.rules import load_points
 from reba.posture.columns import COLUMNS, INDEX
+from reba.printable import printable
 from reba.provenance import generator
 
 
@@ -85,7 +86,7 @@ def casadi_json(
     function = casadi_function(model, temperature=temperature, name=name, joint_map=joint_map, hessian=hessian)
     unit, names = ("deg", model.joints_) if joint_map is None else (joint_map.unit, joint_map.joints)
     what = "angles" if joint_map is None else "joints"
-    return f"{function.serialize()}\n{what} [{unit}]: {', '.join(names)}\n{generator()}\n"
+    return f"{function.serialize()}\n{what} [{unit}]: {', '.join(map(printable, names))}\n{generator()}\n"
 
 
 def _value(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import keyword
+import re
 from typing import Final
 
 from dreba.errors import ModelError
@@ -19,19 +20,36 @@ namespace new noexcept not not_eq nullptr operator or or_eq private protected pu
 static_assert static_cast std template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
 """
 _LIBRARY: Final = """
-acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax fmin
-fmod frexp gamma hypot ilogb isfinite isinf isnan j0 j1 jn ldexp lgamma log log10 log1p log2 logb lrint lround modf nan
-nearbyint nextafter pow remainder remquo rint round scalbn signbit sin sinh sqrt tan tanh tgamma trunc y0 y1 yn abort
-abs atexit atof atoi atol bsearch calloc clock close div errno exit fclose fopen fprintf fputs fread free fscanf fwrite
-getchar getenv gets index labs malloc memchr memcmp memcpy memmove memset offsetof open perror printf putchar puts qsort
-raise rand read realloc remove rename scanf signal sprintf srand stderr stdin stdout strcat strchr strcmp strcpy strlen
-system time tolower toupper write NULL NAN INFINITY DBL_MAX HUGE_VAL EOF
+a64l abort abs acos acosh aligned_alloc alloca arc4random arc4random_buf arc4random_uniform asin asinh atan atan2
+atanh atexit atof atoi atol be16toh be32toh be64toh bsearch calloc canonicalize canonicalize_file_name cbrt ceil
+clearenv clock close copysign cos cosh daddl ddivl dfmal div dmull drand48 drem dsqrtl dsubl ecvt erand48 erf erfc
+errno exit exp exp10f exp10l exp2 expm1 fabs fadd fclose fcvt fd_mask fd_set fdim fdiv ffma finite floor fma fmax
+fmaximum fmaximum_mag fmaximum_mag_num fmaximum_num fmaxmag fmin fminimum fminimum_mag fminimum_mag_num fminimum_num
+fminmag fmod fmul fopen fpclassify fprintf fputs fread free frexp fromfp fromfpx fscanf fsqrt fsub fwrite gamma gcvt
+getchar getenv getloadavg getpayload getpt gets getsubopt grantpt htobe16 htobe32 htobe64 htole16 htole32 htole64
+hypot ilogb index initstate isfinite isgreater isgreaterequal isinf isless islessequal islessgreater isnan isnormal
+issubnormal isunordered j0 j1 jn jrand48 l64a labs lcong48 ldexp ldiv le16toh le32toh le64toh lgamma linux llabs lldiv
+llogb llrint llround log log10 log1p log2 logb lrand48 lrint lround malloc math_errhandling mblen mbstowcs mbtowc
+memchr memcmp memcpy memmove memset mkdtemp mkostemp mkostemps mkstemp mkstemps mktemp modf mrand48 nan nearbyint
+nextafter nextdown nexttoward nextup nrand48 offsetof on_exit open perror posix_memalign posix_openpt pow printf
+pselect ptsname putchar putenv puts qecvt qfcvt qgcvt qsort quick_exit raise rand random read realloc reallocarray
+realpath remainder remove remquo rename rint round roundeven rpmatch scalb scalbln scalbn scanf secure_getenv seed48
+select setenv setpayload setpayloadsig setstate signal signbit signgam significand sin sincos sinh sprintf sqrt srand
+srandom stderr stdin stdout strcat strchr strcmp strcpy strfromd strfromf strfroml strlen strtod strtof strtol strtoq
+strtoul strtouq system tan tanh tgamma time tolower totalorder totalordermag toupper trunc u_char u_int u_long u_short
+ufromfp ufromfpx uint ulong unix unlockpt unsetenv ushort valloc wcstombs wctomb write y0 y1 yn
 """
-_OWN: Final = "angles joints load coupling activity gradient hessian torch jax jnp np math null jac hess"
+_OWN: Final = "JOINTS angles joints load coupling activity gradient hessian torch jax jnp np math null jac hess"
 REFUSED: Final = frozenset(
     (*_C.split(), *_CPP.split(), *_LIBRARY.split(), *_OWN.split(), *keyword.kwlist, *dir(builtins))
 )
-"""Keywords of C99, C++20 and Python, names of the C library that a program links, and names that the files use."""
+"""Keywords of C99, C++20 and Python, names of the C library that the headers declare or most programs link, and names
+that the files use."""
+_FUNCTIONS: Final = frozenset(_LIBRARY.split())
+_SUFFIX: Final = re.compile(r"[fdl]?(\d+x?)?(_[rl])?")
+"""What follows the name of a function in that for another type, such as sinf or strtof32_l."""
+_NO_FUNCTION: Final = re.compile(r"M_.*|.*_t|f\d+x?(add|div|fma|mul|sqrt|sub)f\d+x?")
+"""Constants of math.h, types of POSIX, and functions of two types."""
 LONGEST: Final = 63
 """Characters of a name of which C compilers must tell the differences."""
 
@@ -48,5 +66,12 @@ def check_name(name: str) -> None:
         raise ModelError(
             f"name is {name[:80]!r}; expected letters, digits and underscores, at most {LONGEST}, such as 'dreba'"
         )
-    if name in REFUSED or name.startswith("_") or "__" in name:
+    if name in REFUSED or name.startswith("_") or "__" in name or name.isupper() or _is_variant(name):
         raise ModelError(f"name is {name!r}, which is reserved; give another, such as 'dreba'")
+
+
+def _is_variant(name: str) -> bool:
+    """Return whether a name is that of a type, a constant or a function for other types of the C library."""
+    if _NO_FUNCTION.fullmatch(name):
+        return True
+    return any(name[:end] in _FUNCTIONS and _SUFFIX.fullmatch(name[end:]) for end in range(1, len(name)))

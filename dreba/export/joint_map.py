@@ -13,7 +13,7 @@ from dreba.errors import ModelError
 from reba.arrays import Array
 from reba.errors import RebaError, did_you_mean
 from reba.open_file import read_settings
-from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF
+from reba.posture.columns import BEST, COLUMNS, COLUMNS_OF, by_column
 from reba.posture.named_angles import LARGEST
 from reba.readers.recording.profile import read_columns
 from reba.toml_table import TomlTable
@@ -70,7 +70,8 @@ def read_map(path: str | Path, columns: tuple[str, ...]) -> JointMap:
             table.text("hold", choices=["neutral"])
             held = {column: BEST[column] for column in columns if column in BEST and column not in terms}
         else:
-            held = {name: angle for each, angle in table.numbers("hold").items() for name in _columns(each, str(path))}
+            table.table("hold").keys((*COLUMNS_OF, *COLUMNS), "column")
+            held = by_column(table.numbers("hold"))
         table.done()
     except ModelError:
         raise
@@ -91,8 +92,6 @@ def read_map(path: str | Path, columns: tuple[str, ...]) -> JointMap:
         if column in terms and column in held:
             raise ModelError(f"{path}: {column} is in [columns] and in [hold]; leave out one")
         offset[row] = held.get(column, 0.0)
-        if abs(offset[row]) > LARGEST:
-            raise ModelError(f"{path}: {column} is held at {offset[row]:g}; expected degrees up to {LARGEST:g}")
         for term in terms.get(column, ()):
             if not term.name:
                 offset[row] += term.degrees
@@ -101,13 +100,8 @@ def read_map(path: str | Path, columns: tuple[str, ...]) -> JointMap:
             else:
                 near = did_you_mean(term.name, joints)
                 raise ModelError(f"{path}: {column}: joint {term.name!r} is not in joints{near}; add it to the list")
+        if abs(offset[row]) > LARGEST:
+            raise ModelError(f"{path}: {column} has {offset[row]:g} degrees to add; expected up to {LARGEST:g}")
     if not matrix.any():
         raise ModelError(f"{path}: no joint moves a column of the model; name joints in [columns]")
     return JointMap(tuple(joints), unit, matrix, offset, {column: held[column] for column in columns if column in held})
-
-
-def _columns(name: str, where: str) -> tuple[str, ...]:
-    columns = COLUMNS_OF.get(name, (name,))
-    if columns[0] not in COLUMNS:
-        raise ModelError(f"{where}: column {name!r} in [hold] is unknown{did_you_mean(name, COLUMNS)}")
-    return columns

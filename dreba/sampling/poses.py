@@ -21,7 +21,7 @@ from reba.arrays import Array
 from reba.checks import PATH, TEXT, Allowed, accepts, instance, is_finite, shown
 from reba.files import write_atomic_stream
 from reba.open_file import open_regular
-from reba.posture.columns import BEST, COLUMNS, INDEX, columns_named
+from reba.posture.columns import BEST, COLUMNS, INDEX, by_column, columns_named
 from reba.posture.factors import FACTORS, Factors
 from reba.posture.named_angles import LARGEST, check_spelling, checked_poses, read_angles
 from reba.provenance import parquet_metadata, provenance
@@ -270,7 +270,8 @@ def _held(joints: Joints, hold: Hold, measured: tuple[str, ...], path: str) -> d
         for name, angle in hold.items():
             if not is_finite(angle) or abs(angle) > LARGEST:
                 raise SampleError(f"{name} is held at {angle}; expected degrees from -{LARGEST:g} to {LARGEST:g}")
-            held |= dict.fromkeys(columns_named([name], SampleError), float(angle))
+            columns_named([name], SampleError)
+        held |= {column: float(angle) for column, angle in by_column(hold).items()}
     return {column: held[column] for column in COLUMNS if column in held}
 
 

@@ -30,7 +30,7 @@ from dreba.errors import SampleError
 from dreba.sampling.classes import WEIGHTS, Weights, true_scores
 from dreba.sampling.distribution import SamplingPlan
 from dreba.sampling.poses import Poses
-from reba.checks import YES_NO, shown
+from reba.checks import YES_NO, items_of, shown
 from reba.posture.columns import ANGLES, INDEX, SIDES
 from reba.posture.factors import Factors
 from reba.posture.named_angles import warn_if_radians
@@ -155,12 +155,13 @@ def _factors(factors: Sequence[str] | Factors | None) -> tuple[Factors, tuple[st
         if any(np.ndim(value) for value in dataclasses.asdict(factors).values()):
             raise SampleError("factors hold an array; expected one value each, or the names of factors to draw")
         return factors, ()
-    if isinstance(factors, str) or not isinstance(factors, Iterable):
+    names = items_of(factors)
+    if names is None:
         raise SampleError(f"factors are {shown(factors)}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
-    for name in factors:
+    for name in names:
         if name not in FACTOR_NAMES:
             raise SampleError(f"factor {shown(name)} cannot be drawn; expected names out of {', '.join(FACTOR_NAMES)}")
-    return Factors(), tuple(name for name in FACTOR_NAMES if name in factors)
+    return Factors(), tuple(name for name in FACTOR_NAMES if name in names)
 
 
 def _shared(factors: Any) -> dict[str, Any]:

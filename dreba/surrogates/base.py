@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 import reba
@@ -165,6 +166,19 @@ class Surrogate(RegressorMixin, BaseEstimator):
         except ValueError as error:
             raise ModelError(" ".join(str(error).split())) from error
         return self._value(poses, DEFAULT_FACTORS)
+
+    def score(self, X: Any, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Return the coefficient of determination R^2 of `predict` on poses (n, d) [deg] and their scores (n,).
+
+        Raises:
+            ModelError: wrong poses, or scores or weights that are not n finite numbers.
+        """
+        try:
+            return float(super().score(X, y, sample_weight))
+        except (ModelError, NotFittedError):
+            raise
+        except (ValueError, TypeError, OverflowError) as error:
+            raise ModelError(" ".join(str(error).split())) from error
 
     def value(self, angles: Any, **factors: Unpack[TaskFactorArguments]) -> Any:
         """Return the surrogate score: (n,) for angles (n, d), a float for (d,).

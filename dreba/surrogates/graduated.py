@@ -46,8 +46,7 @@ class Stage(NamedTuple):
         """
 
         def evaluate(angles: Array) -> tuple[float, Array]:
-            value, gradient = self.model.value_and_gradient(angles, temperature=self.temperature, **factors)
-            return float(value), gradient
+            return self.model.value_and_gradient(angles, temperature=self.temperature, **factors)
 
         return evaluate
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from reba.arrays import Array
-from reba.checks import Allowed, at_most, count_to, shown
+from reba.checks import TEXT, Allowed, at_most, count_to, items_of, shown
 from reba.errors import did_you_mean
 from reba.posture.columns import COLUMNS
 
@@ -76,7 +76,8 @@ def checked_joints(named: Any, columns: int, kind: str, any_columns: bool) -> tu
 JOINTS: Final = Allowed(
     "column names such as ('trunk_flexion', 'neck_flexion'), or None",
     lambda value: (
-        value is None or (isinstance(value, tuple | list | np.ndarray) and all(isinstance(item, str) for item in value))
+        value is None
+        or (isinstance(value, tuple | list | np.ndarray) and all(map(TEXT.fits, items_of(value) or (None,))))
     ),
 )
 COUNTS: Final = Allowed(

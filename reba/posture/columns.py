@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from reba.checks import shown
+from reba.checks import items_of, shown
 from reba.errors import PostureError, did_you_mean
 
 SIDES: tuple[str, str] = ("left", "right")
@@ -96,6 +96,15 @@ def on_both_sides(row: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**{column: row[name] for name in sideless for column in COLUMNS_OF[name]}, **row} if sideless else row
 
 
+def by_column(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by column; one by a name without a side is that of each side that has none of its own.
+
+    >>> by_column({"knee_flexion_left": 5, "knee_flexion": 60})
+    {'knee_flexion_left': 5, 'knee_flexion_right': 60}
+    """
+    return {name: value for name, value in on_both_sides(values).items() if name not in SIDELESS}
+
+
 def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) -> tuple[str, ...]:
     """Return columns by their names in the order of `COLUMNS`; a name without a side stands for both.
 
@@ -106,10 +115,11 @@ def columns_named(names: Iterable[str], error: type[ValueError] = PostureError) 
         >>> columns_named(["knee_flexion", "trunk_flexion"])
         ('trunk_flexion', 'knee_flexion_left', 'knee_flexion_right')
     """
-    if isinstance(names, str) or not isinstance(names, Iterable):
+    given = items_of(names)
+    if given is None:
         raise error(f"columns are {shown(names)}; expected a list of names of reba.COLUMNS")
     selected: set[str] = set()
-    for name in names:
+    for name in given:
         columns = COLUMNS_OF.get(name, (name,)) if isinstance(name, str) else ()
         if not columns or columns[0] not in INDEX:
             near = did_you_mean(name, (*COLUMNS_OF, *COLUMNS))

@@ -302,11 +302,13 @@ def test_a_recording_that_lacks_angles_is_fitted_over_those_it_has(run: Run, tmp
 
 def test_drawn_poses_move_the_joints_only(run: Run, tmp_path: Path) -> None:
     made = tmp_path / "m.json"
-    words = ["--joints", "trunk_flexion,knee_flexion", "--hold", "neck_flexion=40", "--classes", "2,3", "-n", 400]
+    words = ["--joints", "trunk_flexion,knee_flexion", "--hold", "neck_flexion=40,wrist_twist_left=5,wrist_twist=1"]
+    words += ["--classes", "2,3", "-n", 400]
     assert run("fit", *words, "-o", made)[0] == 0
     found = dreba.load(made)
     assert found.joints_ == ("trunk_flexion", "knee_flexion_left", "knee_flexion_right")
     assert found.about_.domain["limits"]["neck_flexion"] == [40.0, 40.0]
+    assert found.about_.domain["limits"]["wrist_twist_left"] == [5.0, 5.0]
     _, out, _ = run("evaluate", made, "-n", 300, "--json")
     assert set(json.loads(out)["classes"]) == {"2", "3"}
 

@@ -30,6 +30,7 @@ def test_bins_of_rules_are_their_classes() -> None:
     human = dreba.domain_of("human")
     assert human.bins_of("trunk_flexion") == ((-30.0, -20.0, -5.0, 5.0, 20.0, 60.0, 110.0), (3, 2, 1, 2, 3, 4))
     assert human.bins_of("knee_flexion_left") == ((0.0, 30.0, 60.0, 130.0), (0, 1, 2))
+    assert human.hold(knee_flexion_left=9.0, knee_flexion=3.0).limits["knee_flexion_left"] == (9.0, 9.0)
     assert human.hold(trunk_flexion=30.0).bins_of("trunk_flexion") == ((30.0, 30.0), (3,))
 
 

@@ -13,11 +13,11 @@ import dreba
 import reba
 from tests.support.says import says
 
+POSES = dreba.sample(60, rng=1)
 WRONG: tuple[Any, ...] = (
     None, 3, -1, 2.5, "x", [], [1], {}, {"a": 1}, object(), np.zeros(3), np.array(["a"]), True, float("nan"), (1, 2, 3),
-    b"x", 10**400,
+    b"x", 10**400, np.zeros(()), np.zeros((0, 22)), range(2), POSES,
 )  # fmt: skip
-POSES = dreba.sample(60, rng=1)
 QUICK = {"soft": {"updates": 1}, "graduated": {"updates": 1}, "net": {"epochs": 1}}
 DOMAIN = {"name": "own", "limits": {"trunk_flexion": (0, 90)}}
 HUMAN = dreba.domain_of("human")
@@ -41,6 +41,10 @@ def calls() -> dict[str, Callable[[Any], Any]]:
         found[f"soft.{name}"] = getattr(SOFT, name)
     for name in ("load", "coupling", "activity", "temperature", "coupling_left", "static"):
         found[f"value {name}"] = lambda w, name=name: SOFT.value(POSES.angles, **{name: w})
+    found["score X"], found["score y"] = lambda w: CONVEX.score(w, POSES.reba), lambda w: CONVEX.score(POSES, w)
+    found["score sample_weight"] = lambda w: CONVEX.score(POSES, POSES.reba, w)
+    found["Stage.objective"] = lambda w: dreba.load("graduated").stages_[0].objective()(w)
+    found["Domain.load_file"] = dreba.Domain.load_file
     found["GraduatedModel.of first"] = lambda w: dreba.GraduatedModel.of(w, SOFT)
     found["GraduatedModel.of soft"] = lambda w: dreba.GraduatedModel.of(CONVEX, w)
     for name in ("name", "limits", "rules", "bins", "sides", "load"):

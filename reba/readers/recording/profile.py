@@ -17,7 +17,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from reba.checks import PATH, Allowed, from_home
+from reba.checks import PATH, Allowed, from_home, is_finite
 from reba.errors import ProfileError, did_you_mean
 from reba.open_file import read_settings
 from reba.posture.columns import ANGLES, COLUMNS, SIDES
@@ -304,13 +304,16 @@ def _by_side(
 ) -> dict[str, list[Any]]:
     """Return name -> items, an entry of both sides once per side: `forearm = "{side}_x"` gives forearm_left and _right.
 
+    An entry of one side takes the place of that of both, wherever it stands.
+
     Args:
         middle, sided: names without and with a side.
         what: what messages call a name.
         least: items that a list of rotations or terms must have; 0: every item must be a name.
     """
     result: dict[str, list[Any]] = {}
-    for name in table.keys((*middle, *sided, *(f"{part}_{side}" for part in sided for side in SIDES)), what):
+    names = table.keys((*middle, *sided, *(f"{part}_{side}" for part in sided for side in SIDES)), what)
+    for name in sorted(names, key=lambda name: name not in sided):
         value = table.values[name]
         items = value if isinstance(value, list) else [value]
         if not least:
@@ -337,14 +340,19 @@ def _rotation(item: Any, where: str) -> ElementaryRotation:
         raise ProfileError(f"{where}: rotation {item!r}, expected like '+z left_elbow' or '-x 90'")
     sign, axis = (-1.0 if words[0][0] == "-" else 1.0), "xyz".index(words[0][1])
     try:
-        return ElementaryRotation(axis, sign, "", float(words[1]))
+        degrees = float(words[1])
     except ValueError:
         return ElementaryRotation(axis, sign, words[1])
+    if not is_finite(degrees):
+        raise ProfileError(f"{where}: rotation {item!r}, expected finite degrees, like '-x 90'")
+    return ElementaryRotation(axis, sign, "", degrees)
 
 
 def _term(item: Any, where: str) -> Term:
     if isinstance(item, str) and item.strip("+- "):
         return Term(-1.0 if item[0] == "-" else 1.0, item[1:].strip() if item[0] in "+-" else item)
-    if isinstance(item, bool) or not isinstance(item, int | float):
-        raise ProfileError(f"{where}: term {item!r}, expected a joint like '-left_elbow' or a number of degrees")
+    if not is_finite(item):
+        raise ProfileError(
+            f"{where}: term {repr(item)[:80]}, expected a joint like '-left_elbow' or a number of degrees"
+        )
     return Term(1.0, "", float(item))

@@ -42,7 +42,7 @@ def test_every_method_has_the_same_budget_and_what_it_adds_is_in_its_name() -> N
     names = [method.full_name for method in methods]
     assert len(set(names)) == len(names)
     assert {"distance to rest", "comfort (homing)", "soft", "soft, graduated"} < set(names)
-    assert {"distance to rest, free start, polish", "soft, graduated, free start, polish"} < set(names)
+    assert all(f"{method.name}, free start, polish" in names for method in methods)  # what one may add, each may
     given = [stored.task for stored in stored_tasks("wide")[:3]]
     initial = starts("random", 3, 5).reshape(3, 1, 22)
     for method in methods:
@@ -81,6 +81,7 @@ def test_rows_of_a_comparison() -> None:
     assert {row["name"]: row["model"] for row in found["rows"] if "convex" in row["name"]} == {
         "convex": "convex",
         "convex, free start": "convex",
+        "convex, free start, polish": "convex",
     }
     assert not any(row["model"] for row in found["rows"] if row["name"].startswith(("distance", "comfort")))
     advised = found["recommended"]["name"]

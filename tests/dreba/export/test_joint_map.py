@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -140,6 +141,8 @@ def test_signs_degrees_sums_and_held_columns(tmp_path: Path) -> None:
         (('unit = "deg"', 'unit = "grad"'), ("unit", "rad")),
         (('"-elbow", 10', '"-ellbow", 10'), ("'ellbow'", "did you mean 'elbow'")),
         (("trunk_flexion = 20", "trunk_flexion = 2000"), ("trunk_flexion", "2000")),
+        (('"-elbow", 10', '"-elbow", nan'), ("term nan", "a number of degrees")),
+        (('"-elbow", 10', '"-elbow", 1e9'), ("lower_arm_flexion_right", "1e+09", "360")),
         (("trunk_flexion = 20", ""), ("trunk_flexion", "neither")),
         (("trunk_flexion = 20", "trunk = 20"), ("'trunk'",)),
         (("[hold]", "[hold]\nlower_arm_flexion_right = 3"), ("lower_arm_flexion_right", "leave out one")),
@@ -172,6 +175,26 @@ def test_the_map_of_the_documentation_is_whole(tmp_path: Path) -> None:
     with pytest.raises(dreba.ModelError) as error:
         read_map(tmp_path / "arm.toml", COLUMNS)
     says(error, "arm.toml", "'rest'", "neutral")
+
+
+def test_a_side_of_its_own_takes_the_place_of_both_wherever_it_stands(tmp_path: Path) -> None:
+    text = 'joints = ["a", "b"]\n[columns]\nknee_flexion_left = ["+b"]\nknee_flexion = ["+a"]\n'
+    (tmp_path / "knees.toml").write_text(text + "[hold]\nwrist_twist_left = 5\nwrist_twist = 1\n")
+    knees, wrists = (tuple(c for c in COLUMNS if c.startswith(name)) for name in ("knee", "wrist_twist"))
+    own = read_map(tmp_path / "knees.toml", (*knees, *wrists))
+    assert own.matrix.astype(bool).tolist() == [[False, True], [True, False], [False, False], [False, False]]
+    assert own.offset.tolist() == [0.0, 0.0, 5.0, 1.0]
+
+
+@pytest.mark.parametrize("name", ["a*/ int x; /*", "/*/", "a\nb"])
+def test_the_name_of_a_joint_stays_inside_its_comment(name: str, tmp_path: Path) -> None:
+    held = 'hold = "neutral"\n[columns]\ntrunk_flexion = ["+b"]\n'
+    (tmp_path / "own.toml").write_text(f'joints = [{json.dumps(name)}, "b"]\n{held}')
+    written = dreba.export_model(model("quadratic"), tmp_path / "cost", to="c", joint_map=tmp_path / "own.toml")
+    compiled(written)
+    comment, rest = written.read_text().split("*/", 1)
+    assert "1 b" in comment
+    assert rest.startswith("\n#include")
 
 
 def test_all_columns_without_joints_or_degrees_are_named_at_once(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import dreba.cli
 import reba
 from dreba.domain import Domain
 from dreba.sampling.classes import true_scores
-from reba.posture.columns import BEST, COLUMNS, INDEX, columns_named
+from reba.posture.columns import BEST, COLUMNS, INDEX, SIDES, columns_named
 from tests.support.paths import RECORDINGS
 from tests.support.says import says
 
@@ -66,6 +66,8 @@ def test_angles_are_held_where_the_caller_says(lifts: Path) -> None:
     held = dreba.read_poses(lifts, hold={"shoulder_elevation": 25.0, "neck_twist": 0.0})
     assert set(held.angles[:, INDEX["shoulder_elevation_right"]]) == {25.0}
     assert held.reba.mean() > dreba.read_poses(lifts, hold="neutral").reba.mean()
+    sides = dreba.read_poses(lifts, hold={"shoulder_elevation_left": 5.0, "shoulder_elevation": 25.0, "neck_twist": 0})
+    assert [set(sides.angles[:, INDEX[f"shoulder_elevation_{side}"]]) for side in SIDES] == [{5.0}, {25.0}]
     with pytest.raises(dreba.SampleError) as error:
         dreba.read_poses(lifts, hold={"shoulder_elevation": 25.0})
     says(error, "not measured: neck_twist;")
