@@ -110,17 +110,21 @@ def screwdriver_rows(variants: Mapping[str, Mapping[str, Any]], start: str) -> l
             {name: _shares(one["percent"]) for name, one in choices.items()},
         )
         add(
-            f"tables, {condition}: p against the paper",
+            f"tables, {condition}, minus the paper's",
             "",
-            {name: p_value((one["against_published"] or {}).get("p")) for name, one in choices.items()},
+            {name: _against(one["against_published"]) for name, one in choices.items()},
         )
     for condition in CONDITIONS[:2]:
         height = published.CHOSEN_HEIGHT[start].get(condition)
+        chosen = {name: one["chosen_height"]["conditions"][condition] for name, one in variants.items()}
         add(
             f"height, {condition}",
             DASH if height is None else f"{height[0]:.2f} ± {height[1]:.2f}",
-            {name: _mean(one["chosen_height"]["conditions"][condition], "sd") for name, one in variants.items()},
+            {name: _mean(one, "sd") for name, one in chosen.items()},
         )
+        if height is not None:
+            against = {name: _difference(one["against_published"], "p") for name, one in chosen.items()}
+            add(f"height, {condition}, minus the paper's", "", against)
     heights = {name: one["chosen_height"]["pairs"] for name, one in variants.items()}
     add("height, non-ergonomic − ergonomic", DASH, {name: _difference(pairs[0]) for name, pairs in heights.items()})
     for condition in CONDITIONS:
@@ -176,5 +180,17 @@ def _mean(one: Mapping[str, Any], spread: str) -> str:
     return f"{number(one['mean'])} ± {number(one[spread])}"
 
 
-def _difference(pair: Mapping[str, Any]) -> str:
-    return f"{number(pair['difference'])} (p = {p_value(pair['p_holm'])})"
+def _difference(pair: Mapping[str, Any], p: str = "p_holm") -> str:
+    interval = f"{number(pair['low'])} to {number(pair['high'])}"
+    return f"{number(pair['difference'])} ({interval}), p = {p_value(pair[p])}"
+
+
+def _against(tested: Mapping[str, Any] | None) -> str:
+    """Return the differences of shares to the paper's [percentage points] with their intervals, and p of all."""
+    if tested is None:
+        return DASH
+    points = (
+        "{} ({} to {})".format(*(number(100.0 * one[key], 0) for key in ("difference", "low", "high")))
+        for one in tested["shares"].values()
+    )
+    return f"{' / '.join(points)}, p = {p_value(tested['p'])}"

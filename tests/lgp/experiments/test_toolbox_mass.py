@@ -1,16 +1,54 @@
-"""Costs of both orders over the mass of the first part."""
+"""Orders of one first part, and their costs over its mass."""
 
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from lgp.experiments import toolbox_orders
 from lgp.experiments.toolbox_mass import MASSES, mass_figure, mass_sweep
-from lgp.experiments.toolbox_orders import GRASP_FIRST, PLACE_FIRST
+from lgp.experiments.toolbox_orders import GRASP_FIRST, PLACE_FIRST, best_of, break_even_mass
 
 SECONDS = {PLACE_FIRST: 5.0, GRASP_FIRST: 10.0}
+
+
+def test_orders_are_compared_by_sequences_of_one_first_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    def row(part: str, order: str, cost: float) -> dict[str, Any]:
+        return {"actions": [f"grasp(1, arm, {part})", str(cost)], "order": order, "sequence": cost, "path": cost}
+
+    def plan(_bounds: Any, _task: Any, sequence: list[str]) -> Any:
+        return SimpleNamespace(actions=sequence, feasible=True, costs={"total": float(sequence[1])})
+
+    monkeypatch.setattr(toolbox_orders, "plan_within", plan)
+    monkeypatch.setattr(toolbox_orders, "parse_sequence", lambda _task, actions: actions)
+    rows = [
+        row("handle", PLACE_FIRST, 3.0), row("side", GRASP_FIRST, 3.5), row("handle", GRASP_FIRST, 4.2),
+        row("handle", GRASP_FIRST, 4.0),
+    ]  # fmt: skip
+    unused: Any = None
+    best = best_of(unused, unused, rows, GRASP_FIRST, "handle")
+    assert best is not None
+    assert best.costs["total"] == 4.0
+    assert best_of(unused, unused, rows, PLACE_FIRST, "side") is None
+
+
+def test_the_mass_from_which_placing_first_pays_is_where_both_cost_the_same() -> None:
+    def costs(mass: float, *, place: float = 2.0, grasp: float = 1.4) -> dict[str, float]:
+        """Of plans whose second part costs as much in both orders: that is in `place` and `grasp`."""
+        rest = {PLACE_FIRST: place, GRASP_FIRST: grasp}
+        return {order: rest[order] + 4.0 * mass * seconds / 5.0 for order, seconds in SECONDS.items()}
+
+    for known in (0.0, 1.06, 3.0):  # the mass of the part that was planned with does not matter
+        assert break_even_mass(costs(known), SECONDS, known, 4.0) == pytest.approx(0.15)
+        assert break_even_mass(costs(known, place=1.0), SECONDS, known, 4.0) == 0.0
+    assert costs(0.15)[PLACE_FIRST] == pytest.approx(costs(0.15)[GRASP_FIRST])
+    equal = dict.fromkeys(SECONDS, 5.0)
+    assert break_even_mass({PLACE_FIRST: 2.0, GRASP_FIRST: 1.0}, equal, 1.0, 4.0) is None
+    assert break_even_mass({PLACE_FIRST: 1.0, GRASP_FIRST: 2.0}, equal, 1.0, 4.0) == 0.0
 
 
 def test_costs_are_lines_that_cross_where_the_order_changes() -> None:
@@ -29,6 +67,7 @@ def test_costs_are_lines_that_cross_where_the_order_changes() -> None:
 
 
 def test_the_sweep_reaches_beyond_the_change() -> None:
+    assert mass_sweep({PLACE_FIRST: 1.0, GRASP_FIRST: 1.0}, SECONDS, 0.0, 1.0, 0.0)[-1]["mass"] >= 1.0
     assert mass_sweep({PLACE_FIRST: 9.0, GRASP_FIRST: 1.0}, SECONDS, 0.5, 1.0, 8.0)[-1]["mass"] >= 10.0
 
 
