@@ -28,6 +28,7 @@ from lgp.experiments.toolbox_orders import (
     break_even_mass,
     cost_terms,
     first_part,
+    order_of,
     sequences,
     skeleton_of,
 )
@@ -276,7 +277,7 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
     return {
         "actions": list(plan.actions),
         "published_actions": list(published.TOOLBOX_SEQUENCES[name]),
-        "order": next(row["order"] for row in condition.sequences if row["actions"] == list(plan.actions)),
+        "order": order_of(skeleton_of(task_of(scene), plan)),
         "cost": cost_terms(plan, weight),
         "orders": orders,
         "orders_lost": condition.infeasible_orders,

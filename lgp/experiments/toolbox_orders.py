@@ -30,6 +30,16 @@ def order_of(actions: Sequence[Action]) -> str:
     return PLACE_FIRST if placed[0] < grasped[1] else GRASP_FIRST
 
 
+def exchanged(actions: Skeleton) -> Skeleton:
+    """Return a sequence in the other order: first place and second grasp exchanged; () where they are no neighbours."""
+    grasped = [step for step, action in enumerate(actions) if action.name == "grasp"]
+    placed = [step for step, action in enumerate(actions) if action.name == "place"]
+    if len(grasped) < 2 or not placed or abs(grasped[1] - placed[0]) != 1:
+        return ()
+    first, second = sorted((grasped[1], placed[0]))
+    return (*actions[:first], actions[second], actions[first], *actions[second + 1 :])
+
+
 def first_part(actions: Sequence[str]) -> str:
     """Return the part that a sequence begins with, given as the actions of a plan.
 
@@ -64,14 +74,18 @@ def best_of(bounds: PathBounds, task: Task, rows: Iterable[dict[str, Any]], orde
         rows: from `sequences`.
         first: part that the sequence begins with: of another one, the orders would also differ in what is held.
     """
+    solved = [row for row in rows if row["sequence"] is not None and first_part(row["actions"]) == first]
+    known = {parse_sequence(task, row["actions"]): row for row in solved}
+    lower_bounds = {key: row["path"] or row["sequence"] for key, row in known.items() if row["order"] == order}
+    for sequence, row in known.items():
+        # The search leaves out what cannot be the best, so the other order may be unknown to it.
+        if row["order"] != order and (other := exchanged(sequence)):
+            lower_bounds.setdefault(other, 0.0)
     best: Plan | None = None
-    of_order = [row for row in rows if row["order"] == order and row["sequence"] is not None]
-    candidates = [row for row in of_order if first_part(row["actions"]) == first]
-    for row in sorted(candidates, key=lambda row: row["path"] or row["sequence"]):
-        lower_bound = row["path"] or row["sequence"]
+    for sequence, lower_bound in sorted(lower_bounds.items(), key=lambda item: item[1]):
         if best is not None and lower_bound >= best.costs["total"]:
             break
-        plan = plan_within(bounds, task, parse_sequence(task, row["actions"]))
+        plan = plan_within(bounds, task, sequence)
         if plan.feasible and (best is None or plan.costs["total"] < best.costs["total"]):
             best = plan
     return best

@@ -9,31 +9,43 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lgp.experiments import toolbox_orders
+import lgp
+from lgp.experiments import published, toolbox_orders
 from lgp.experiments.toolbox_mass import MASSES, mass_figure, mass_sweep
 from lgp.experiments.toolbox_orders import GRASP_FIRST, PLACE_FIRST, best_of, break_even_mass
+from lgp.planner import task_of
+from lgp.search.records import Skeleton
 
 SECONDS = {PLACE_FIRST: 5.0, GRASP_FIRST: 10.0}
 
 
 def test_orders_are_compared_by_sequences_of_one_first_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    def row(part: str, order: str, cost: float) -> dict[str, Any]:
-        return {"actions": [f"grasp(1, arm, {part})", str(cost)], "order": order, "sequence": cost, "path": cost}
+    handle, side = "toolbox/handle", "toolbox/side.left"
+    task = task_of(lgp.load_scene("toolbox"))
+    end = [f"hold(7, baxter.right, {handle})", f"screw(8, human.right_hand, {handle}, {side})"]
+    place, grasp = ([*published.TOOLBOX_SEQUENCES[name][:6], *end] for name in ("ergonomic", "non-ergonomic"))
+    turned = [action.replace(handle, "?").replace(side, handle).replace("?", side) for action in grasp[:6]] + end
+    costs = {tuple(place): 3.0, tuple(grasp): 4.0, tuple(turned): 3.5}
+    planned: list[tuple[str, ...]] = []
 
-    def plan(_bounds: Any, _task: Any, sequence: list[str]) -> Any:
-        return SimpleNamespace(actions=sequence, feasible=True, costs={"total": float(sequence[1])})
+    def plan(_bounds: Any, _task: Any, sequence: Skeleton) -> Any:
+        actions = tuple(action.at(step + 1) for step, action in enumerate(sequence))
+        planned.append(actions)
+        return SimpleNamespace(actions=actions, feasible=True, costs={"total": costs[actions]})
+
+    def row(actions: list[str], order: str) -> dict[str, Any]:
+        cost = costs[tuple(actions)]
+        return {"actions": actions, "order": order, "sequence": cost, "path": cost}
 
     monkeypatch.setattr(toolbox_orders, "plan_within", plan)
-    monkeypatch.setattr(toolbox_orders, "parse_sequence", lambda _task, actions: actions)
-    rows = [
-        row("handle", PLACE_FIRST, 3.0), row("side", GRASP_FIRST, 3.5), row("handle", GRASP_FIRST, 4.2),
-        row("handle", GRASP_FIRST, 4.0),
-    ]  # fmt: skip
     unused: Any = None
-    best = best_of(unused, unused, rows, GRASP_FIRST, "handle")
-    assert best is not None
-    assert best.costs["total"] == 4.0
-    assert best_of(unused, unused, rows, PLACE_FIRST, "side") is None
+    every = [row(place, PLACE_FIRST), row(turned, GRASP_FIRST), row(grasp, GRASP_FIRST)]
+    for known in (every, every[:2]):  # the search need not have seen the other order
+        best = best_of(unused, task, known, GRASP_FIRST, handle)
+        assert best is not None
+        assert (best.costs["total"], best.actions) == (4.0, tuple(grasp))
+    assert tuple(turned) not in planned
+    assert best_of(unused, task, every[:1], GRASP_FIRST, side) is None
 
 
 def test_the_mass_from_which_placing_first_pays_is_where_both_cost_the_same() -> None:
