@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -66,7 +67,7 @@ def write_comparison(
     Raises:
         RebaError: a file cannot be written.
     """
-    html = template("lgp.experiments", "comparison.html", {"number": number}).render(
+    html = template("lgp.experiments", "comparison.html", {"number": number, "together": _together}).render(
         **{name: compared[name] for name in ("published", "screwdriver", "toolbox")},
         orders=ORDERS,
         titles=titles,
@@ -170,6 +171,15 @@ def toolbox_rows(variant: str, summary: Mapping[str, Any]) -> list[dict[str, Any
             "mass": one["first_part"]["mass_for_place_first"], "reba": one["reba"]["mean"],
         })  # fmt: skip
     return rows
+
+
+def _together(words: str) -> str:
+    """Return a text in which no line ends within a figure, but after commas and between the tables.
+
+    >>> _together("2 (-7 to 11) / 3 (0 to 5), p = 0.1").replace("\\xa0", "_")
+    '2_(-7_to_11)_/ 3_(0_to_5), p_=_0.1'
+    """
+    return re.sub("(?<![/,]) ", "\N{NO-BREAK SPACE}", words) if re.search(r"\d", words) else words
 
 
 def _shares(percent: Mapping[str, float | None]) -> str:
