@@ -36,6 +36,7 @@ from reba.command_line import (
     page_command,
     parallel_options,
     print_json,
+    print_notes,
     run,
 )
 from reba.files import write_atomic, write_text
@@ -222,9 +223,7 @@ def experiment(
         "pareto": pareto,
     }
     if name == "all":
-        given = [
-            option for option in ONE_VARIANT if context.get_parameter_source(option) is ParameterSource.COMMANDLINE
-        ]
+        given = [option for option in ONE_VARIANT if _given(context, option)]
         if given:
             option = {"variant": "as"}.get(given[0], given[0].replace("_", "-"))
             raise LgpError(f"--{option} is of one experiment, and `all` plans every variant; leave it out")
@@ -239,6 +238,8 @@ def experiment(
         "collisions": collisions,
     }
     if name == "toolbox":
+        given = [option for option in draws | {"initial": initial, "plans": plans} if _given(context, option)]
+        print_notes(f"--{option} is about draws, and the toolbox draws nothing: it changes nothing" for option in given)
         _toolbox(output, common, as_json)
         return
     from lgp.experiments.screwdriver_experiment import experiment_screwdriver
@@ -257,6 +258,10 @@ def experiment(
         print_json(summary)
     else:
         echo(f"results are in {output}: report.html, summary.json, runs.parquet, paths.parquet")
+
+
+def _given(context: click.Context, option: str) -> bool:
+    return context.get_parameter_source(option) is ParameterSource.COMMANDLINE
 
 
 ONE_VARIANT = ("initial", "variant", "scene", "cost", "weight", "phase_seconds", "collisions", "plans")

@@ -46,10 +46,14 @@ def ticks(low: float, high: float) -> list[float]:
 
     >>> ticks(0.0, 3.1)
     [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    >>> ticks(8.7, 26.7), ticks(0.0, 0.03)[-1]
+    ([10.0, 15.0, 20.0, 25.0], 0.03)
     """
-    width = high - low
-    step = next((size for size in (0.1, 0.2, 0.5, 1.0, 2.0) if width / size <= 7.5), 5.0)
-    return [round(float(value), 6) + 0.0 for value in np.arange(np.ceil(low / step - 1e-9) * step, high + 1e-9, step)]
+    width = max(high - low, 1e-9)
+    unit = 10.0 ** np.floor(np.log10(width / 7.5))
+    step = next(size for size in (unit, 2.0 * unit, 5.0 * unit, 10.0 * unit) if width / size <= 7.5 * (1.0 + 1e-9))
+    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
+    return [float(f"{number * step:.9g}") + 0.0 for number in np.arange(first, last + 1.0)]
 
 
 def horizontal_grid(

@@ -11,6 +11,7 @@ from typing import Any, Final
 from lgp.errors import LgpError
 from lgp.experiments import screwdriver, toolbox
 from lgp.experiments.comparison import comparison, write_comparison
+from lgp.experiments.folders import check_folder
 from lgp.experiments.runs import STARTS
 from lgp.experiments.screwdriver_experiment import EXTRA_RUNS, experiment_screwdriver
 from lgp.experiments.toolbox import experiment_toolbox
@@ -82,6 +83,7 @@ def experiment_all(
         RebaError: a file cannot be written, or the cluster cannot be used.
     """
     check_outputs(FolderOutput(folder, ALL_FILES), error=LgpError)
+    check_folder(folder, "all")
     report = on_event or (lambda message: None)
     place = Path(folder)
     common: dict[str, Any] = {"runs": runs, "seed": seed, "jobs": jobs, "scheduler": scheduler, "command": command}

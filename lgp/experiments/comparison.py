@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -66,7 +67,7 @@ def write_comparison(
     Raises:
         RebaError: a file cannot be written.
     """
-    html = template("lgp.experiments", "comparison.html", {"number": number}).render(
+    html = template("lgp.experiments", "comparison.html", {"number": number, "together": _together}).render(
         **{name: compared[name] for name in ("published", "screwdriver", "toolbox")},
         orders=ORDERS,
         titles=titles,
@@ -110,17 +111,21 @@ def screwdriver_rows(variants: Mapping[str, Mapping[str, Any]], start: str) -> l
             {name: _shares(one["percent"]) for name, one in choices.items()},
         )
         add(
-            f"tables, {condition}: p against the paper",
+            f"tables, {condition}, minus the paper's",
             "",
-            {name: p_value((one["against_published"] or {}).get("p")) for name, one in choices.items()},
+            {name: _against(one["against_published"]) for name, one in choices.items()},
         )
     for condition in CONDITIONS[:2]:
         height = published.CHOSEN_HEIGHT[start].get(condition)
+        chosen = {name: one["chosen_height"]["conditions"][condition] for name, one in variants.items()}
         add(
             f"height, {condition}",
             DASH if height is None else f"{height[0]:.2f} ± {height[1]:.2f}",
-            {name: _mean(one["chosen_height"]["conditions"][condition], "sd") for name, one in variants.items()},
+            {name: _mean(one, "sd") for name, one in chosen.items()},
         )
+        if height is not None:
+            against = {name: _difference(one["against_published"], "p") for name, one in chosen.items()}
+            add(f"height, {condition}, minus the paper's", "", against)
     heights = {name: one["chosen_height"]["pairs"] for name, one in variants.items()}
     add("height, non-ergonomic − ergonomic", DASH, {name: _difference(pairs[0]) for name, pairs in heights.items()})
     for condition in CONDITIONS:
@@ -168,6 +173,15 @@ def toolbox_rows(variant: str, summary: Mapping[str, Any]) -> list[dict[str, Any
     return rows
 
 
+def _together(words: str) -> str:
+    """Return a text in which no line ends within a figure, but after commas and between the tables.
+
+    >>> _together("2 (-7 to 11) / 3 (0 to 5), p = 0.1").replace("\\xa0", "_")
+    '2_(-7_to_11)_/ 3_(0_to_5), p_=_0.1'
+    """
+    return re.sub("(?<![/,]) ", "\N{NO-BREAK SPACE}", words) if re.search(r"\d", words) else words
+
+
 def _shares(percent: Mapping[str, float | None]) -> str:
     return " / ".join(number(percent[table], 0) for table in TABLES)
 
@@ -176,5 +190,17 @@ def _mean(one: Mapping[str, Any], spread: str) -> str:
     return f"{number(one['mean'])} ± {number(one[spread])}"
 
 
-def _difference(pair: Mapping[str, Any]) -> str:
-    return f"{number(pair['difference'])} (p = {p_value(pair['p_holm'])})"
+def _difference(pair: Mapping[str, Any], p: str = "p_holm") -> str:
+    interval = f"{number(pair['low'])} to {number(pair['high'])}"
+    return f"{number(pair['difference'])} ({interval}), p = {p_value(pair[p])}"
+
+
+def _against(tested: Mapping[str, Any] | None) -> str:
+    """Return the differences of shares to the paper's [percentage points] with their intervals, and p of all."""
+    if tested is None:
+        return DASH
+    points = (
+        "{} ({} to {})".format(*(number(100.0 * one[key], 0) for key in ("difference", "low", "high")))
+        for one in tested["shares"].values()
+    )
+    return f"{' / '.join(points)}, p = {p_value(tested['p'])}"

@@ -77,13 +77,14 @@ def _choice_finding(start: str, results: Mapping[str, Any]) -> Finding:
     shown: bool | None = None
     if left["low"] > -SHARE_MARGIN or center["high"] < SHARE_MARGIN:
         shown = False
-    elif left["difference"] < 0 < center["difference"] and change["p"] < ALPHA:
-        shown = True
+    elif all(change["by_choice"][table]["p_holm"] < ALPHA for table in ("left", "center")):
+        shown = left["difference"] < 0 < center["difference"]
     shares = ", ".join(
         f"{table} {plain[table]:.0f} to {ergonomic[table]:.0f} % (95 % {_points(change['shares'][table])})"
         for table in TABLES
     )
-    test = f"Stuart-Maxwell {change['statistic']:.1f}, df {change['df']}, {p_text(change['p'])}, n = {change['n']}"
+    exact = ", ".join(f"{table} {p_text(change['by_choice'][table]['p_holm'])}" for table in ("left", "center"))
+    test = f"McNemar's exact test after Holm: {exact}, n = {change['n']}"
     return Finding(claim, shown, f"{shares}; {test}")
 
 

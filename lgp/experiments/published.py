@@ -23,6 +23,8 @@ CHOICE_PERCENT: Final[dict[str, dict[str, dict[str, int]]]] = {
     },
 }
 """Initial posture -> condition -> table -> share of 100 runs that chose it [%]: Table II (rest), III (random)."""
+RUNS: Final = 100
+"""Runs of the paper from each initial posture."""
 TABLE_NUMBER: Final = {"rest": "Table II", "random": "Table III"}
 """Initial posture -> table of the paper with its choices."""
 CHOSEN_HEIGHT: Final[dict[str, dict[str, tuple[float, float]]]] = {

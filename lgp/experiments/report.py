@@ -43,7 +43,7 @@ def write_results(
     settings: Mapping[str, Any] | None = None,
     command: str = "",
     reach: Reachability | None = None,
-    sensitivity: pd.DataFrame | None = None,
+    sensitivity: Sequence[Mapping[str, Any]] | None = None,
     family: Mapping[str, Any] | None = None,
     fronts: Sequence[Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def write_results(
         settings: of the experiment, shown and kept in the summary.
         command: command line that reproduces the results, shown on the page.
         reach: reachability of the table tops by each hand.
-        sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`.
+        sensitivity: rows of `lgp.experiments.sensitivity.sensitivity_table`.
         family: from `lgp.experiments.family_runs.family_summary`.
         fronts: from `lgp.experiments.pareto.pareto_fronts`.
 
@@ -120,6 +120,7 @@ def render(
         example=example(check_runs(runs), check_paths(paths)),
         Markup=Markup,
         scene=scene,
+        choices=scene.choices if variant is None else variant.left_open(scene),
         variant=variant,
         weight=Markup(weight_figure(summary["sensitivity"] or [], values_of_weight(scene))),
         reach=None if reach is None else _reach_rows(reach.shares()),

@@ -258,8 +258,6 @@ class RunStore:
     def _check_settings(self, settings: dict[str, Any]) -> None:
         file = self.folder / SETTINGS
         if not file.exists():
-            if (self.folder / "runs.parquet").exists():
-                raise LgpError(f"{self.folder}: its runs are those of another experiment; give another folder")
             text = json.dumps(settings, indent=1) + "\n"
             write_atomic(file, lambda part: write_text(part, text))
             return

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 SCENE: Final = "screwdriver"
 GOAL_OBJECT: Final = "screwdriver"
 """Object that the human takes."""
+NEEDS: Final = (*(f"table.{name}" for name in TABLES), GOAL_OBJECT)
+"""Tables and objects that a scene of the experiment has."""
 DEPTH: Final = 4
 """Most actions of a sequence: the shortest that reach the goal have three, the next five."""
 

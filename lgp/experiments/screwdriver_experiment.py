@@ -10,11 +10,13 @@ from typing import Any, Final
 from lgp.errors import LgpError
 from lgp.experiments.cost_model import cost_model
 from lgp.experiments.family_runs import family_summary
+from lgp.experiments.folders import check_folder
 from lgp.experiments.pareto import pareto_fronts
 from lgp.experiments.report import write_results
 from lgp.experiments.runs import STARTS, RunStore
-from lgp.experiments.screwdriver import DEPTH, SCENE, plan_runs
+from lgp.experiments.screwdriver import DEPTH, NEEDS, SCENE, plan_runs
 from lgp.experiments.sensitivity import sensitivity_table
+from lgp.experiments.summary import finished_summary
 from lgp.experiments.variants import VARIANT, setting, settings_of
 from lgp.files import EXPERIMENT_FILES, PLANS
 from lgp.kinematics.reachability import reachability
@@ -67,6 +69,7 @@ def experiment_screwdriver(
 
     Each run draws the heights of three tables and plans the conditions non-ergonomic, ergonomic and re-optimized.
     Written are `runs.parquet`, `paths.parquet`, `summary.json`, `figure_5.svg` to `figure_7.svg` and `report.html`.
+    Variations, family and fronts of an earlier call stay in them where they are not asked for again.
 
     Args:
         folder: of the results. Finished runs in it are kept, so that an interrupted experiment continues.
@@ -104,9 +107,10 @@ def experiment_screwdriver(
     if plans and scheduler is not None:
         raise LgpError("plans are kept by the processes of this computer; leave out the scheduler or the plans")
     require_statsmodels()
-    chosen, base = setting(variant, SCENE if scene is None else scene, cost, weight, phase_seconds)
+    chosen, base = setting(variant, SCENE if scene is None else scene, cost, weight, phase_seconds, needs=NEEDS)
     free = chosen.collisions if collisions is None else collisions
     check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[base.cost.model], error=LgpError)
+    check_folder(folder, SCENE)
     model = cost_model(base.cost.model)
     settings = {**settings_of(SCENE, chosen, base, free), **model.settings(), "seed": seed, "depth": DEPTH}
     store = RunStore(folder, settings)
@@ -114,8 +118,10 @@ def experiment_screwdriver(
     plan = partial(plan_runs, seed=seed, jobs=jobs, scheduler=scheduler, collisions=free)
     runs_of = partial(plan, scene=base, initial=initial, cost=model, plans=kept)
     tables = store.complete(runs, initial, runs_of, progress)
-    varied = sensitivity_table(folder, base, sensitivity, settings, plan, on_event=on_event) if sensitivity else None
-    people, traced = None, None
+    earlier = finished_summary(folder, settings) or {}
+    varied, people, traced = (earlier.get(name) for name in ("sensitivity", "family", "pareto"))
+    if sensitivity:
+        varied = sensitivity_table(folder, base, sensitivity, settings, plan, on_event=on_event).to_dict("records")
     if family:
         if on_event is not None:
             on_event(f"a family of manikins: {family} runs")

@@ -15,11 +15,22 @@ from typing import TYPE_CHECKING, Any, Final
 
 from lgp.experiments import published
 from lgp.experiments.runs import CONDITIONS, STARTS, TABLES, check_paths, check_runs, pivot
+from lgp.files import SUMMARY
 from lgp.statistics.effect_sizes import friedman
-from lgp.statistics.paired_tests import ChoiceTest, anova, compare, compare_choices, mean_of, require_statsmodels
-from lgp.statistics.shares import exact_homogeneity, paired_difference
-from reba.files import plain_data, write_atomic, write_text
-from reba.provenance import with_provenance
+from lgp.statistics.paired_tests import (
+    ChoiceTest,
+    Mean,
+    anova,
+    compare,
+    compare_choices,
+    mean_of,
+    require_statsmodels,
+    welch_difference,
+)
+from lgp.statistics.shares import exact_homogeneity, independent_difference, paired_difference
+from reba.files import from_json, plain_data, write_atomic, write_text
+from reba.open_file import read_settings
+from reba.provenance import MEMBER, other_version, with_provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +46,7 @@ def summarise(
     runs: pd.DataFrame,
     paths: pd.DataFrame,
     settings: Mapping[str, Any] | None = None,
-    sensitivity: pd.DataFrame | None = None,
+    sensitivity: Sequence[Mapping[str, Any]] | None = None,
     family: Mapping[str, Any] | None = None,
     fronts: Sequence[Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
@@ -43,7 +54,7 @@ def summarise(
 
     Args:
         runs: of one initial posture or both.
-        sensitivity: table of `lgp.experiments.sensitivity.sensitivity_table`, copied.
+        sensitivity: rows of `lgp.experiments.sensitivity.sensitivity_table`, copied.
         family: from `lgp.experiments.family_runs.family_summary`, copied.
         fronts: from `lgp.experiments.pareto.pareto_fronts`, copied.
 
@@ -61,7 +72,7 @@ def summarise(
         "settings": dict(settings or {}),
         "starts": {start: _start(runs, paths, start) for start in starts},
         "between_starts": _between(runs) if len(starts) == len(STARTS) else None,
-        "sensitivity": None if sensitivity is None else sensitivity.to_dict("records"),
+        "sensitivity": sensitivity,
         "family": family,
         "pareto": fronts,
     }
@@ -73,6 +84,18 @@ def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
     """Write a summary as JSON."""
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     write_atomic(Path(path), lambda part: write_text(part, text))
+
+
+def finished_summary(folder: str | Path, settings: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the summary in a folder, None where there is none of these settings and this version."""
+    file = Path(folder) / SUMMARY
+    try:
+        stored = from_json(read_settings(file)) if file.exists() else None
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(stored, dict) or stored.get("settings") != plain_data(dict(settings)):
+        return None
+    return None if other_version(stored.get(MEMBER)) else stored
 
 
 def _start(runs: pd.DataFrame, paths: pd.DataFrame, start: str) -> dict[str, Any]:
@@ -142,9 +165,13 @@ def _choice(runs: pd.DataFrame, start: str, condition: str) -> dict[str, Any]:
 
 
 def _against_published(counts: Mapping[str, int], reference: Mapping[str, int]) -> dict[str, Any]:
-    """Exact test of our counts against those of the paper (percent of 100 runs, so counts)."""
+    """Exact test of our counts against those of the paper (percent of 100 runs, so counts), and each difference."""
     test = exact_homogeneity(*([source[table] for table in TABLES] for source in (counts, reference)))
-    return {"test": "Fisher-Freeman-Halton", "n": list(test.n), "p": test.p, "cramer_v": test.cramer_v}
+    shares = {
+        table: asdict(independent_difference(counts[table], test.n[0], reference[table], test.n[1])) for table in TABLES
+    }
+    tested = {"test": "Fisher-Freeman-Halton", "n": list(test.n), "p": test.p, "cramer_v": test.cramer_v}
+    return {**tested, "shares": shares}
 
 
 def _changes(change: ChoiceTest) -> dict[str, Any]:
@@ -158,7 +185,14 @@ def _changes(change: ChoiceTest) -> dict[str, Any]:
 
 def _heights(table: pd.DataFrame, start: str) -> dict[str, Any]:
     reference = published.CHOSEN_HEIGHT[start]
-    means = {name: {**asdict(mean_of(table[name])), "published": _mean_sd(reference.get(name))} for name in CONDITIONS}
+    means = {}
+    for name in CONDITIONS:
+        mean, theirs = mean_of(table[name]), reference.get(name)
+        means[name] = {
+            **asdict(mean),
+            "published": _mean_sd(theirs),
+            "against_published": None if theirs is None else asdict(welch_difference(mean, _of_paper(*theirs))),
+        }
     return {"conditions": means, "pairs": [asdict(one) for one in compare(table, [(NON_ERGONOMIC, ERGONOMIC)])]}
 
 
@@ -201,6 +235,10 @@ def _between(runs: pd.DataFrame) -> dict[str, Any]:
     pairs = [(f"{condition}, random", f"{condition}, rest") for condition in CONDITIONS]
     comparisons = [asdict(one) for one in compare(both, pairs)]
     return {"reba_grasp": dict(zip(CONDITIONS, comparisons, strict=True))}
+
+
+def _of_paper(mean: float, sd: float) -> Mean:
+    return Mean(published.RUNS, mean, sd, sd / published.RUNS**0.5)
 
 
 def _mean_sd(value: tuple[float, float] | None) -> dict[str, float] | None:

@@ -17,7 +17,8 @@ import numpy as np
 from lgp.errors import LgpError
 from lgp.experiments import published
 from lgp.experiments.cost_model import cost_model
-from lgp.experiments.summary import write_summary
+from lgp.experiments.folders import check_folder
+from lgp.experiments.summary import finished_summary, write_summary
 from lgp.experiments.toolbox_mass import held_seconds, mass_sweep
 from lgp.experiments.toolbox_orders import (
     GRASP_FIRST,
@@ -26,12 +27,14 @@ from lgp.experiments.toolbox_orders import (
     best_of,
     break_even_mass,
     cost_terms,
+    first_part,
+    order_of,
     sequences,
     skeleton_of,
 )
 from lgp.experiments.toolbox_report import write_page
 from lgp.experiments.variants import VARIANT, setting, settings_of
-from lgp.files import EXPERIMENT_FILES, SETTINGS, SUMMARY
+from lgp.files import EXPERIMENT_FILES, SUMMARY
 from lgp.kinematics.world import World
 from lgp.logic.task import Task
 from lgp.path.bounds import PathBounds
@@ -42,12 +45,13 @@ from lgp.planner import plan_within, task_of
 from lgp.scene.model import Scene
 from lgp.search.records import Budget
 from reba.checks import NOT_NEGATIVE, PATH, YES_NO, accepts
-from reba.files import from_json, plain_data, write_atomic, write_folder
-from reba.open_file import read_settings
+from reba.files import plain_data, write_atomic, write_folder
 from reba.outputs import FolderOutput, check_outputs
-from reba.provenance import MEMBER, other_version, with_provenance, write_parquet
+from reba.provenance import with_provenance, write_parquet
 
 SCENE: Final = "toolbox"
+NEEDS: Final = ("table.center", "toolbox/handle", "toolbox/side.left")
+"""Tables and objects that a scene of the experiment has."""
 CONDITIONS: Final = ("non-ergonomic", "ergonomic")
 ROUNDS: Final = 3
 """Most repetitions of a search; the last ones confirm the best plan."""
@@ -67,7 +71,7 @@ class Condition:
     Attributes:
         plan: of lowest cost.
         sequences: complete sequences that the search visited, see `lgp.experiments.toolbox_orders.sequences`.
-        orders: order -> its plan of lowest cost.
+        orders: order -> its plan of lowest cost, of those that begin with the same part as `plan`.
         rounds: cost of each repetition of the search.
         infeasible_orders: order -> reason why no collision-free path was obtained.
     """
@@ -131,11 +135,10 @@ def experiment_toolbox(
     """
     if not isinstance(folder, str | Path):
         raise LgpError(f"folder is {folder!r}; expected the path of a folder for the results")
-    chosen, base = setting(variant, SCENE if scene is None else scene, cost, weight, phase_seconds)
+    chosen, base = setting(variant, SCENE if scene is None else scene, cost, weight, phase_seconds, needs=NEEDS)
     free = chosen.collisions if collisions is None else collisions
     check_outputs(FolderOutput(folder, EXPERIMENT_FILES), inputs=[base.cost.model], error=LgpError)
-    if (Path(folder) / SETTINGS).exists():
-        raise LgpError(f"{folder}: holds the runs of another experiment; give another folder")
+    check_folder(folder, SCENE)
     report = on_event or (lambda message: None)
     model = cost_model(base.cost.model)
     settings = {
@@ -177,18 +180,6 @@ def experiment_toolbox(
     return summary
 
 
-def finished_summary(folder: str | Path, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the summary in a folder, None where there is none of these settings and this version."""
-    file = Path(folder) / SUMMARY
-    try:
-        stored = from_json(read_settings(file)) if file.exists() else None
-    except (OSError, ValueError, RecursionError):
-        return None
-    if not isinstance(stored, dict) or stored.get("settings") != plain_data(dict(settings)):
-        return None
-    return None if other_version(stored.get(MEMBER)) else stored
-
-
 def _plan_condition(
     bounds: PathBounds, task: Task, depth: int, collisions: bool, report: Callable[[str], None]
 ) -> Condition:
@@ -212,7 +203,8 @@ def _plan_condition(
             break
         bounds.forget_paths()
     best = best or searched
-    first_of_order = {order: best_of(bounds, task, visited, order) for order in ORDERS}
+    part = first_part(best.actions)
+    first_of_order = {order: best_of(bounds, task, visited, order, part) for order in ORDERS}
     orders = {order: plan for order, plan in first_of_order.items() if plan is not None}
     infeasible: dict[str, str] = {}
     if collisions:
@@ -274,18 +266,18 @@ def summarise_condition(name: str, condition: Condition, scene: Scene) -> dict[s
     plan = condition.plan
     weight = scene.ergonomic_weight(int(np.sum(plan.phase == 0))) if name == "ergonomic" else 0.0
     orders = {order: cost_terms(best, weight) for order, best in condition.orders.items()}
-    first = plan.actions[0].rpartition(", ")[2].rstrip(")")
+    first = first_part(plan.actions)
     mass, sweep, own = None, [], scene.objects[first].mass
     if weight and len(orders) == len(ORDERS):
-        mass = break_even_mass(orders[PLACE_FIRST], orders[GRASP_FIRST], own, weight)
         totals = {order: terms["total"] for order, terms in orders.items()}
         task = task_of(scene)
         seconds = {order: held_seconds(task, best, first) for order, best in condition.orders.items()}
+        mass = break_even_mass(totals, seconds, own, weight)
         sweep = mass_sweep(totals, seconds, own, weight, mass)
     return {
         "actions": list(plan.actions),
         "published_actions": list(published.TOOLBOX_SEQUENCES[name]),
-        "order": next(row["order"] for row in condition.sequences if row["actions"] == list(plan.actions)),
+        "order": order_of(skeleton_of(task_of(scene), plan)),
         "cost": cost_terms(plan, weight),
         "orders": orders,
         "orders_lost": condition.infeasible_orders,

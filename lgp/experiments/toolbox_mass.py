@@ -18,13 +18,13 @@ from lgp.experiments.toolbox_orders import GRASP_FIRST, PLACE_FIRST, skeleton_of
 from lgp.logic.task import Task
 from lgp.path.phases import Phases
 from lgp.plan_record import Plan
-from lgp.svg import SOFT, horizontal_grid, legend_line, line, points, svg, text, vertical_title
+from lgp.svg import SOFT, horizontal_grid, legend_line, line, points, svg, text, ticks, vertical_title
 
 MASSES: Final = 9
 """Masses of the sweep, evenly from 0 on."""
 COLOURS: Final = {PLACE_FIRST: "#1f6fa8", GRASP_FIRST: "#b4540a"}
 HEIGHT = 320.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 56.0, 404.0, 46.0, 262.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 404.0, 46.0, 262.0
 
 
 def held_seconds(task: Task, plan: Plan, part: str) -> float:
@@ -46,7 +46,7 @@ def mass_sweep(
         weight: of a score point for a second.
         turn: mass from which on placing first pays, None without one; the sweep reaches beyond it.
     """
-    end = max(2.0 * mass, 1.25 * (turn or 0.0))
+    end = max(2.0 * mass, 1.25 * (turn or 0.0)) or 1.0
     step = 10.0 ** math.floor(math.log10(end / (MASSES - 1)))
     step *= next(part for part in (1.0, 2.0, 2.5, 5.0, 10.0) if (MASSES - 1) * part * step >= end * (1.0 - 1e-9))
     rows = []
@@ -73,7 +73,8 @@ def mass_figure(rows: Sequence[Mapping[str, Any]], mass: float, turn: float | No
     def y(cost: Any) -> Any:
         return _BOTTOM - (np.asarray(cost) - low) / (high - low) * (_BOTTOM - _TOP)
 
-    parts = horizontal_grid([round(float(value), 2) for value in np.linspace(low, high, 5)], y, _LEFT, _RIGHT)
+    low, high = low - 0.04 * (high - low), high + 0.04 * (high - low)
+    parts = horizontal_grid(ticks(low, high), y, _LEFT, _RIGHT)
     parts.append(vertical_title(13, (_TOP + _BOTTOM) / 2, "cost of the plan"))
     for number, (order, colour) in enumerate(COLOURS.items()):
         costs = np.array([row["costs"][order] for row in rows])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -30,6 +30,25 @@ def order_of(actions: Sequence[Action]) -> str:
     return PLACE_FIRST if placed[0] < grasped[1] else GRASP_FIRST
 
 
+def exchanged(actions: Skeleton) -> Skeleton:
+    """Return a sequence in the other order: first place and second grasp exchanged; () where they are no neighbours."""
+    grasped = [step for step, action in enumerate(actions) if action.name == "grasp"]
+    placed = [step for step, action in enumerate(actions) if action.name == "place"]
+    if len(grasped) < 2 or not placed or abs(grasped[1] - placed[0]) != 1:
+        return ()
+    first, second = sorted((grasped[1], placed[0]))
+    return (*actions[:first], actions[second], actions[first], *actions[second + 1 :])
+
+
+def first_part(actions: Sequence[str]) -> str:
+    """Return the part that a sequence begins with, given as the actions of a plan.
+
+    >>> first_part(["grasp(1, baxter.left, toolbox/handle)"])
+    'toolbox/handle'
+    """
+    return actions[0].rpartition(", ")[2].rstrip(")")
+
+
 def sequences(plan: Plan) -> list[dict[str, Any]]:
     """Complete sequences visited by the search, cheapest first: actions, order, costs (None if not solved), reason."""
     rows = [
@@ -47,20 +66,26 @@ def sequences(plan: Plan) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: (row["path"] is None, row["path"] or row["sequence"] or np.inf))
 
 
-def best_of(bounds: PathBounds, task: Task, rows: Iterable[dict[str, Any]], order: str) -> Plan | None:
+def best_of(bounds: PathBounds, task: Task, rows: Iterable[dict[str, Any]], order: str, first: str) -> Plan | None:
     """Plan of lowest cost of an order, one of `ORDERS`, None if no sequence of it is feasible.
 
     Args:
         bounds: of the search, with its table of solved problems.
         rows: from `sequences`.
+        first: part that the sequence begins with: of another one, the orders would also differ in what is held.
     """
+    solved = [row for row in rows if row["sequence"] is not None and first_part(row["actions"]) == first]
+    known = {parse_sequence(task, row["actions"]): row for row in solved}
+    lower_bounds = {key: row["path"] or row["sequence"] for key, row in known.items() if row["order"] == order}
+    for sequence, row in known.items():
+        # The search leaves out what cannot be the best, so the other order may be unknown to it.
+        if row["order"] != order and (other := exchanged(sequence)):
+            lower_bounds.setdefault(other, 0.0)
     best: Plan | None = None
-    candidates = [row for row in rows if row["order"] == order and row["sequence"] is not None]
-    for row in sorted(candidates, key=lambda row: row["path"] or row["sequence"]):
-        lower_bound = row["path"] or row["sequence"]
+    for sequence, lower_bound in sorted(lower_bounds.items(), key=lambda item: item[1]):
         if best is not None and lower_bound >= best.costs["total"]:
             break
-        plan = plan_within(bounds, task, parse_sequence(task, row["actions"]))
+        plan = plan_within(bounds, task, sequence)
         if plan.feasible and (best is None or plan.costs["total"] < best.costs["total"]):
             best = plan
     return best
@@ -85,17 +110,23 @@ def cost_terms(plan: Plan, weight: float = 1.0) -> dict[str, float]:
     }
 
 
-def break_even_mass(place: dict[str, float], grasp: dict[str, float], mass: float, weight: float) -> float | None:
-    """Mass of the first part [kg] from which on placing it first costs less; None if no mass does.
+def break_even_mass(
+    totals: Mapping[str, float], seconds: Mapping[str, float], mass: float, weight: float
+) -> float | None:
+    """Return the mass of the first part [kg] from which on placing it first costs less; None if no mass does.
 
-    Exact, because the load term does not depend on the path: the orders differ in the time for which the first part is
-    held, and only in that. `place` and `grasp` are the cost terms of the two orders, for a first part of `mass` [kg].
+    Exact for two plans, because the load term does not depend on the path.
+
+    Args:
+        totals: order -> cost with the part's `mass` [kg].
+        seconds: order -> how long the part is held [s].
+        weight: of a score point for a second.
     """
-    longer = (grasp["carried"] - place["carried"]) / mass  # [s]
+    place, grasp = (totals[order] - weight * mass * seconds[order] / OMEGA_LOAD for order in ORDERS)
+    longer = seconds[GRASP_FIRST] - seconds[PLACE_FIRST]
     if longer < 1e-9:
-        return None
-    difference = (place["total"] - place["load"]) - (grasp["total"] - grasp["load"])
-    return max(0.0, difference * OMEGA_LOAD / (weight * longer))
+        return 0.0 if place < grasp else None
+    return max(0.0, (place - grasp) * OMEGA_LOAD / (weight * longer))
 
 
 def skeleton_of(task: Task, plan: Plan) -> Skeleton:

@@ -64,6 +64,7 @@ def write_page(
         names=NAMES,
         orders=ORDERS,
         scene=scene,
+        choices=chosen.left_open(scene),
         variant=chosen,
         chart=Markup(over_time(plans)),
         masses=Markup(_masses(summary)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -39,6 +39,10 @@ class Variant:
             SceneError: there is no such scene, or it does not take a change.
         """
         return load_scene(which, {**self.changes, **(changes or {})})
+
+    def left_open(self, scene: Scene) -> tuple[FreeParameter, ...]:
+        """Return the free choices of a scene, without those that the variant makes."""
+        return tuple(one for one in scene.choices if not set(one.keys) <= set(self.changes))
 
 
 @cache
@@ -74,19 +78,36 @@ def variant_of(name: str) -> Variant:
 
 
 def setting(
-    name: str, scene: str | Path, cost: str | Path | None, weight: float | None, phase_seconds: float | None
+    name: str,
+    scene: str | Path,
+    cost: str | Path | None,
+    weight: float | None,
+    phase_seconds: float | None,
+    *,
+    needs: Sequence[str] = (),
 ) -> tuple[Variant, Scene]:
     """Return a variant and the scene with its changes, then those of options that are not None.
 
+    Args:
+        needs: tables and objects that the experiment is about.
+
     Raises:
-        LgpError: there is no such variant or scene, the scene has not one person, or a value is out of range.
+        LgpError: there is no such variant or scene, the scene has not one person, lacks what is needed or what the
+            variant changes, or a value is out of range.
     """
     given = {"cost.model": None if cost is None else str(cost), "phase_seconds": phase_seconds}
     given |= {} if weight is None else {"cost.weight": weight, "cost.per": "second"}
-    chosen, people = variant_of(name), list(load_scene(scene).humans)
+    chosen, plain = variant_of(name), load_scene(scene)
+    people, known = list(plain.humans), {*plain.tables, *plain.objects}
     if people != [SHORT]:
         named = ", ".join(people) or "none"
         raise LgpError(f"{scene}: its persons are {named}, expected one, the [human]; give a scene with one")
+    lacking = [one for one in needs if one not in known]
+    if lacking:
+        raise LgpError(f"{scene}: has no {lacking[0]}, expected {', '.join(needs)}; give a scene with these")
+    changed = {key.split(".")[1] for key in chosen.changes if key.startswith("objects.")}
+    if other := sorted(changed - set(plain.objects)):
+        raise LgpError(f"{scene}: has no {other[0]}, which the variant {name} changes; give another variant")
     return chosen, chosen.scene(scene, {key: value for key, value in given.items() if value is not None})
 
 

@@ -100,6 +100,16 @@ class Comparison:
 
 
 @dataclass(frozen=True)
+class MeanDifference:
+    """Difference of the means of two samples of other runs, first minus second: its 95 % interval and p after Welch."""
+
+    difference: float
+    low: float
+    high: float
+    p: float
+
+
+@dataclass(frozen=True)
 class ChoiceTest:
     """Change of a categorical choice between two conditions on the same runs.
 
@@ -193,6 +203,25 @@ def _f_ratio(values: Array) -> float:
     )
     model = _statsmodels().AnovaRM(long, "value", "run", within=["condition"]).fit()
     return float(model.anova_table["F Value"].iloc[0])
+
+
+def welch_difference(first: Mean, second: Mean) -> MeanDifference:
+    """Compare the means of two samples after Welch (1947, Biometrika 34), of which only mean and deviation are known.
+
+    >>> result = welch_difference(Mean(4, 3.0, 1.0, 0.5), Mean(9, 1.0, 1.5, 0.5))
+    >>> round(result.difference, 2), round(result.low, 2), round(result.high, 2), round(result.p, 3)
+    (2.0, 0.39, 3.61, 0.02)
+    """
+    from scipy import stats
+
+    difference = first.mean - second.mean
+    variances = np.array([first.se**2, second.se**2])
+    if not variances.sum() > 0.0:
+        return MeanDifference(difference, float("nan"), float("nan"), float("nan"))
+    df = variances.sum() ** 2 / (variances**2 / (np.array([first.n, second.n]) - 1)).sum()
+    spread, half = float(np.sqrt(variances.sum())), float(stats.t.ppf(0.975, df))
+    p = 2.0 * float(stats.t.sf(abs(difference) / spread, df))
+    return MeanDifference(difference, difference - half * spread, difference + half * spread, p)
 
 
 def compare(table: pd.DataFrame, pairs: Sequence[tuple[str, str]]) -> list[Comparison]:

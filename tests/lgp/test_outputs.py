@@ -182,6 +182,16 @@ def test_an_experiment_spares_the_runs_of_another_one(tmp_path: Path) -> None:
         lgp.experiment_screwdriver(tmp_path / "toolbox", runs=1)
     says(error, "toolbox", "another experiment", "another folder")
     assert files(tmp_path / "toolbox") == {"runs.parquet": b"rows"}
+    RunStore(tmp_path / "every" / "screwdriver" / "paper", {"experiment": "screwdriver"})
+    for held, plan in (
+        ("screwdriver", lgp.experiment_all), ("toolbox", lgp.experiment_all), ("every", lgp.experiment_toolbox),
+        ("every", lgp.experiment_screwdriver),
+    ):  # fmt: skip
+        before = files(tmp_path)
+        with pytest.raises(LgpError) as error:
+            plan(tmp_path / held)
+        says(error, held, "another experiment", "all" if held == "every" else held, "another folder")
+        assert files(tmp_path) == before
 
 
 def recordings(folder: Path) -> list[Path]:

@@ -138,7 +138,7 @@ def screwdriver_report(folder: Path) -> Path:
     runs, paths = made("rest")
     runs = runs.assign(reason=runs["reason"].where(runs["feasible"], MARKUP))
     write_results(
-        folder, runs, paths, scene, settings={MARKUP: MARKUP}, command=MARKUP, sensitivity=pd.DataFrame(rows),
+        folder, runs, paths, scene, settings={MARKUP: MARKUP}, command=MARKUP, sensitivity=rows,
         reach=Reachability(pd.DataFrame(spots)), family=hostile_family(), fronts=hostile_fronts(),
     )  # fmt: skip
     return folder / "report.html"

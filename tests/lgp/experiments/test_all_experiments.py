@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,7 @@ from lgp.cli import cli
 from lgp.experiments import all_experiments, published
 from lgp.experiments.all_experiments import PARTS, experiment_all
 from lgp.experiments.comparison import comparison, screwdriver_rows, toolbox_rows
-from lgp.experiments.summary import summarise, write_summary
-from lgp.experiments.toolbox import finished_summary
+from lgp.experiments.summary import finished_summary, summarise, write_summary
 from lgp.experiments.toolbox_orders import GRASP_FIRST, PLACE_FIRST
 from lgp.experiments.variants import variants
 from reba.provenance import provenance
@@ -77,7 +77,13 @@ def test_rows_are_the_papers_results_beside_ours() -> None:
         f"{grasp['conditions']['ergonomic']['mean']:.2f} ± "
     )
     assert rows["order of REBA at the grasp"]["paper"] == " < ".join(published.EXPECTED_ORDER)
-    assert "(p = " in rows["REBA at the grasp, non-ergonomic − ergonomic"]["variants"]["mine"]
+    interval = r"-?[\d.]+ \(-?[\d.]+ to -?[\d.]+\)"
+    for name, pattern in (
+        ("REBA at the grasp, non-ergonomic − ergonomic", f"{interval}, p = .+"),
+        ("height, ergonomic, minus the paper's", f"{interval}, p = .+"),
+        ("tables, ergonomic, minus the paper's", " / ".join([interval] * 3) + ", p = .+"),
+    ):
+        assert re.fullmatch(pattern, rows[name]["variants"]["mine"].replace("−", "-")), name
     random = {row["result"]: row for row in screwdriver_rows({"mine": results["random"]}, "random")}
     assert random["tables, non-ergonomic"]["paper"] == "66 / 23 / 11"
 

@@ -1,9 +1,11 @@
 """Findings of runs with known answers: shown, not shown, or too few runs to tell."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from lgp.experiments.findings import FEWEST_EQUAL, findings
+from lgp.experiments.runs import NUMBERS
 from lgp.experiments.summary import summarise
 from tests.support.screwdriver_runs import RUNS, made
 
@@ -36,6 +38,26 @@ def test_findings_say_where_nothing_can_be_said():
     found = findings(summarise(runs[one], paths[paths["run"] == 0]))
     assert {finding.shown for finding in found} == {None}
     assert "no test" in found[0].evidence
+
+
+def test_a_few_runs_that_all_move_show_no_choice():
+    """Four of four leave the left table: p = .046 by the asymptotic test, .125 by the exact one."""
+    claim = "rest start: with the ergonomic cost the choice moves from the left table to the center"
+
+    def moved(count):
+        runs, paths = made("rest")
+        runs = runs[runs["run"].isin(runs.loc[runs["feasible"], "run"].unique()[:count])].assign(feasible=True)
+        runs["table"] = np.where(runs["condition"] == "ergonomic", "center", "left")
+        heights = np.where(runs["table"] == "center", runs["height_center"], runs["height_left"])
+        numbers = {name: runs[name].fillna(1.0) for name in NUMBERS}
+        runs = runs.assign(**{**numbers, "chosen_height": heights})
+        summary = summarise(runs, paths[:0])
+        return {one.claim: one.shown for one in findings(summary)}[claim], summary
+
+    shown, summary = moved(4)
+    assert summary["starts"]["rest"]["table_change"]["p"] < 0.05
+    assert shown is None
+    assert moved(RUNS)[0] is True
 
 
 @pytest.mark.slow

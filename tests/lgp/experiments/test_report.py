@@ -43,10 +43,10 @@ def test_page_is_whole_and_needs_no_network(tmp_path, starts):
         ]
     )
     reach = Reachability(spots.assign(miss=0.0))
-    sensitivity = pd.DataFrame(
-        [{"choice": "robots.baxter.position", "setting": "x 0.8", "condition": "ergonomic", "left": 20.0,
-          "center": 50.0, "right": 30.0, "n": 9, "of": 10, "remark": "the robot <stands> in a table"}]
-    )  # fmt: skip
+    sensitivity = [
+        {"choice": "robots.baxter.position", "setting": "x 0.8", "condition": "ergonomic", "left": 20.0,
+         "center": 50.0, "right": 30.0, "n": 9, "of": 10, "remark": "the robot <stands> in a table"},
+    ]  # fmt: skip
     write_results(
         tmp_path, *made(*starts), scene, settings={"cost": "<model>"}, command="lgp x", reach=reach,
         sensitivity=sensitivity,

@@ -13,6 +13,7 @@ from lgp.errors import LgpError
 from lgp.experiments.runs import CONDITIONS, RunStore, check_paths, check_runs
 from lgp.experiments.screwdriver import plan_run
 from lgp.experiments.screwdriver_experiment import experiment_screwdriver
+from lgp.experiments.summary import summarise, write_summary
 from lgp.experiments.variants import setting, settings_of
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
@@ -50,14 +51,21 @@ def test_an_experiment_reports_the_runs_of_its_folder(made: Tables, tmp_path: Pa
     pytest.importorskip("statsmodels")
     chosen, scene = setting("ours", "screwdriver", None, None, None)
     settings = settings_of("screwdriver", chosen, scene, collisions=False)
-    store = RunStore(tmp_path, settings | {"cost": "convex", "seed": 0, "depth": 4})
+    store_settings = settings | {"cost": "convex", "seed": 0, "depth": 4}
+    store = RunStore(tmp_path, store_settings)
     for run in range(3):
         store.append(*(table.assign(run=run) for table in made))
     progress: list[tuple[int, int]] = []
+    rows = [{"choice": "as it is", "setting": "", "condition": "ergonomic", "left": 60.0, "center": 40.0, "right": 0.0,
+             "n": 5, "of": 5, "remark": ""}]  # fmt: skip
+    earlier = summarise(*store.tables(), store_settings, sensitivity=rows)
+    write_summary(tmp_path / "summary.json", earlier)
     summary = experiment_screwdriver(
         tmp_path, variant="ours", collisions=False, runs=3, progress=lambda done, runs: progress.append((done, runs))
     )
     assert progress == []
+    # What an earlier call varied is not lost where only the runs are asked for.
+    assert summary["sensitivity"] == rows
     assert set(summary["starts"]) == {"rest"}
     assert len(pd.read_parquet(tmp_path / "runs.parquet")) == 9
     assert (tmp_path / "report.html").is_file()

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import ttest_ind_from_stats
 
 from lgp.experiments import published
 from lgp.experiments.runs import PATH_COLUMNS, empty
@@ -67,3 +68,16 @@ def test_our_shares_equal_to_the_papers_do_not_differ():
     many["chosen_height"] = [row[f"height_{row['table']}"] for _, row in many.iterrows()]
     found = summarise(many, empty(PATH_COLUMNS))["starts"]["rest"]["table_choice"]["non-ergonomic"]
     assert found["against_published"]["p"] == pytest.approx(1.0)
+    left = found["against_published"]["shares"]["left"]
+    assert (left["difference"], -left["low"]) == (0.0, pytest.approx(left["high"]))
+    assert 0.05 < left["high"] < 0.12  # two samples of 100 cannot say less
+
+
+def test_our_height_is_compared_with_the_papers(summary):
+    height = summary["starts"]["rest"]["chosen_height"]["conditions"]
+    mine, against = height["ergonomic"], height["ergonomic"]["against_published"]
+    expected = ttest_ind_from_stats(mine["mean"], mine["sd"], mine["n"], 0.95, 0.15, 100, equal_var=False)
+    assert against["p"] == pytest.approx(expected.pvalue)
+    assert against["low"] < against["difference"] < against["high"]
+    assert (against["low"] > 0 or against["high"] < 0) == (against["p"] < 0.05)
+    assert height["re-optimized"]["against_published"] is None

@@ -13,7 +13,7 @@ import pytest
 import lgp
 from lgp.experiments import published
 from lgp.experiments.toolbox import CONDITIONS, Condition, scores_of, summarise_toolbox, write_tables
-from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, break_even_mass, cost_terms, order_of
+from lgp.experiments.toolbox_orders import GRASP_FIRST, ORDERS, PLACE_FIRST, cost_terms, order_of
 from lgp.experiments.toolbox_report import write_page
 from lgp.experiments.variants import variants
 from lgp.kinematics.modes import ModeSequence
@@ -104,18 +104,6 @@ def test_cost_terms_add_up() -> None:
     assert sum(agents) == pytest.approx(terms["acceleration"], rel=1e-9)
     # The handle is carried in phase 3, the side in phase 6, 2 s each.
     assert terms["carried"] == pytest.approx(2.0 * (1.06 + 0.43))
-
-
-def test_the_mass_from_which_placing_first_pays_is_where_both_cost_the_same() -> None:
-    def order(rest: float, seconds: float, mass: float) -> dict[str, float]:
-        carried = seconds * mass + 0.8
-        return {"total": rest + carried / 5.0, "load": carried / 5.0, "carried": carried}
-
-    mass = break_even_mass(order(9.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0)
-    assert mass == pytest.approx(1.5)
-    assert order(9.0, 2.0, 1.5)["total"] == pytest.approx(order(8.4, 4.0, 1.5)["total"])
-    assert break_even_mass(order(9.0, 2.0, 1.0), order(8.4, 2.0, 1.0), 1.0, 1.0) is None
-    assert break_even_mass(order(8.0, 2.0, 1.0), order(8.4, 4.0, 1.0), 1.0, 1.0) == 0.0
 
 
 @needs_robots

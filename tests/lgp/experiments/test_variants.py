@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dreba
 import lgp
+import lgp.cli
 from lgp.experiments.report import render
 from lgp.experiments.runs import PATH_COLUMNS, empty
 from lgp.experiments.summary import summarise
@@ -16,6 +19,7 @@ from lgp.experiments.variants import setting, variants
 from lgp.experiments.variations import values_of_weight
 from lgp.experiments.weight_figure import weight_figure
 from lgp.path.costs import Weights
+from tests.support.invoke import invoke
 from tests.support.paths import ROOT
 from tests.support.says import says
 from tests.support.screwdriver_runs import made
@@ -29,6 +33,19 @@ def test_a_variant_is_the_scene_with_reasons_for_each_change(name: str) -> None:
     given = {key for one in chosen.assumptions for key in one.keys}
     assert set(chosen.changes) - {"initial"} <= given
     assert all(one.reason for one in chosen.assumptions)
+
+
+def test_the_page_names_the_free_choices_that_the_variant_leaves() -> None:
+    scene = lgp.load_scene("screwdriver")
+    runs, _ = made("rest")
+    summary = summarise(runs, empty(PATH_COLUMNS))
+    page = render(summary, runs, empty(PATH_COLUMNS), scene, {"figure_5": ""}, variant=variants()["ours"])
+    open_keys = [one.keys for one in variants()["ours"].left_open(scene)]
+    assert ("robots.baxter.position",) in open_keys
+    assert ("phase_seconds",) not in open_keys
+    own = next(one.reason for one in scene.choices if one.keys == ("phase_seconds",))
+    assert own not in page  # of the 2 s of the scene, which the variant replaces
+    assert own in render(summary, runs, empty(PATH_COLUMNS), scene, {"figure_5": ""})
 
 
 def test_options_go_before_the_variant() -> None:
@@ -79,6 +96,31 @@ def test_the_page_shows_the_variant_and_the_sweep_of_the_weight() -> None:
     assert (np.diff(left[:, 0]) > 0).all()
     assert (np.diff(left[:, 1]) > 0).all()  # downwards on the page: the share falls with the weight
     assert weight_figure(rows[:1], values_of_weight(scene)) == ""
+
+
+@pytest.mark.parametrize(
+    ("experiment", "scene", "variant", "facts"),
+    [
+        (lgp.experiment_screwdriver, "toolbox", "paper", ("toolbox", "no table.left", "table.right", "screwdriver")),
+        (lgp.experiment_toolbox, "screwdriver", "ours", ("screwdriver", "no toolbox/handle", "toolbox/side.left")),
+        (lgp.experiment_toolbox, None, "paper-left", ("toolbox", "no screwdriver", "paper-left", "another variant")),
+    ],
+)
+def test_a_scene_has_what_the_experiment_is_about(
+    tmp_path: Path, experiment: Callable[..., object], scene: str | None, variant: str, facts: tuple[str, ...]
+) -> None:
+    pytest.importorskip("statsmodels")
+    with pytest.raises(lgp.LgpError) as error:
+        experiment(tmp_path / "out", scene=scene, variant=variant)
+    says(error, *facts)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_toolbox_says_that_it_draws_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lgp.cli, "_toolbox", lambda *_: None)
+    result = invoke(lgp.cli.cli, ["experiment", "toolbox", "--runs", "3", "--initial", "random", "-o", str(tmp_path)])
+    assert result.exit_code == 0
+    assert [line.split(" is ")[0] for line in result.stderr.splitlines()] == ["note: --runs", "note: --initial"]
 
 
 @pytest.mark.parametrize(("scene", "people"), [("two_people", "anna, bert"), ("restock", "none")])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import fisher_exact, random_table
 
-from lgp.statistics.shares import equivalent, exact_homogeneity, paired_difference
+from lgp.statistics.shares import equivalent, exact_homogeneity, independent_difference, paired_difference
 
 
 @pytest.mark.parametrize("table", [((3, 1), (1, 3)), ((8, 2), (1, 5)), ((10, 0), (4, 6))])
@@ -35,6 +35,24 @@ def test_hundred_runs_against_hundred():
     assert far.p < 1e-10
     assert far.cramer_v == pytest.approx(0.49, abs=0.01)
     assert np.isnan(exact_homogeneity((0, 0, 0), (1, 2, 3)).p)
+
+
+def test_many_runs_against_hundred_take_no_more_memory_than_hundred():
+    many = exact_homogeneity((260_000, 400_000, 340_000), (26, 40, 34))
+    assert many.n == (1_000_000, 100)
+    assert many.p == pytest.approx(1.0)
+    # The order of the samples does not matter, nor which of them is the smaller one.
+    assert exact_homogeneity((9, 5, 1), (2, 3, 4)).p == pytest.approx(exact_homogeneity((2, 3, 4), (9, 5, 1)).p)
+
+
+def test_the_interval_of_an_independent_difference_holds_its_level():
+    rng = np.random.default_rng(0)
+    draws = zip(rng.binomial(20, 0.9, size=4000), rng.binomial(100, 0.95, size=4000), strict=True)
+    found = [independent_difference(int(a), 20, int(b), 100) for a, b in draws]
+    assert 0.93 < np.mean([one.low <= -0.05 <= one.high for one in found]) < 0.98
+    ends = independent_difference(0, 20, 100, 100)
+    assert ends.difference == -1.0 <= ends.low < ends.high < -0.7
+    assert np.isnan(independent_difference(0, 0, 1, 100).low)
 
 
 def test_the_interval_of_a_paired_difference_holds_its_level():
