@@ -134,13 +134,14 @@ function settings(form) {
 }
 
 function show(place, result) {
-  const high = (row) => row.action_levels["3"] + row.action_levels["4"];
+  // Both ends that unmeasured angles leave.
+  const high = (row) => [...new Set(row.high_seconds.map((time) => percent(time / (row.seconds || 1))))].join(" to ");
   const range = (row, name) =>
     row.range[`${name}_low`] === row.range[`${name}_high`]
       ? `${row.range[`${name}_low`]}`
       : `${row.range[`${name}_low`]} to ${row.range[`${name}_high`]}`;
   const rows = result.rows.map((row) => [
-    row.name, seconds(row.seconds), range(row, "p90"), range(row, "max"), percent(high(row)), percent(row.undetermined),
+    row.name, seconds(row.seconds), range(row, "p90"), range(row, "max"), high(row), percent(row.undetermined),
     row.worst.map((one) => seconds(one.time)).join(", "),
   ]);
   const head = ["Task", "Length", "90th percentile", "Highest", "High risk or more", "Undetermined", "Worst at"];

@@ -239,6 +239,7 @@ def _row(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the page shows of a summary."""
     return {
         "verdict": summary["verdict"]["text"],
+        "high_seconds": summary["verdict"]["high_seconds"],
         "frames": summary["frames"],
         "seconds": summary["seconds"],
         "reba": summary["reba"],

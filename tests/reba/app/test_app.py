@@ -70,6 +70,7 @@ def test_scores_are_those_of_the_command(address: str) -> None:
         summary = reba.score(postures, load=8, coupling="fair").summary()
         assert (row["name"], row["reba"]) == (task["name"], summary["reba"])
         assert row["verdict"] == summary["verdict"]["text"]
+        assert row["high_seconds"] == summary["verdict"]["high_seconds"]
     status, page = ask(address, "GET", f"/results/{result['id']}/report.html")
     assert status == 200
     assert b"first half" in page
@@ -163,7 +164,11 @@ def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
             until(browser, f"document.querySelectorAll('.results a').length >= {8 if load else 4}")
         text = browser.find_element("css selector", ".results").text
         assert "90th percentile" in text
-        assert text.startswith(reba.score(reba.read(RECORDING), load=0).summary()["verdict"]["text"])
+        summary = reba.score(reba.read(RECORDING), load=0).summary()
+        assert text.startswith(summary["verdict"]["text"])
+        low, high = (f"{100 * end / summary['seconds']:.1f} %" for end in summary["verdict"]["high_seconds"])
+        assert low != high
+        assert f"{low} to {high}" in text
         browser.find_element("id", "compare").click()
         until(browser, "document.querySelector('#compared table')")
         compared = browser.find_element("id", "compared")
