@@ -336,7 +336,7 @@ def _columns(info: Info) -> Table:
         table.add_column(name, justify="left" if name in ("angle", "") else "right", overflow="fold")
     for name in COLUMNS:
         if name in info.ranges:
-            table.add_row(name, *(f"{value:.1f}" for value in info.ranges[name]), "")
+            table.add_row(name, *(f"{value:z.1f}" for value in info.ranges[name]), "")
         else:
             table.add_row(name, "", "", "", Text(f"not measured: {info.unmeasured.get(name, 'absent')}"), style="dim")
     return table
