@@ -34,16 +34,16 @@ def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
     """Print one line per recording, then unmeasured angles, assumptions, warnings and rules."""
     scored = [result.summary for result in results if result.summary is not None]
     if scored:
-        # The figures need 80 columns: a narrow terminal gets a numbered list of names above the table.
+        # The figures need 80 columns: in a narrow terminal a number stands in the table for the name.
         for number, summary in enumerate(scored, 1):
-            label = "" if len(scored) == 1 else f"{number}: " if console.width < WIDE else f"{summary['input']}: "
-            if "verdict" in summary:  # earlier versions wrote datasets without it
-                console.print(Text(f"{label}{summary['verdict']['text']}", "bold"))
+            name = f"{summary['input']}: "
+            label = "" if len(scored) == 1 else f"{number}: {name}" if console.width < WIDE else name
+            verdict = summary["verdict"]["text"] if "verdict" in summary else ""  # missing in older datasets
+            if label or verdict:
+                console.print(Text(f"{label}{verdict}".removesuffix(": "), "bold"))
         if len(scored) == 1:
             console.print(_result_table(f"REBA of {scored[0]['input']}", scored, []))
         elif console.width < WIDE:
-            for number, summary in enumerate(scored, 1):
-                console.print(Text(f"{number}: {summary['input']}"))
             console.print(_result_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
         else:
             console.print(_result_table("REBA", scored, [summary["input"] for summary in scored]))
@@ -107,22 +107,21 @@ def _result_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence
         shares = [_percent(share) for share in summary["action_levels"].values()]
         shares += [_percent(summary["action_level_undetermined"])] if open_share else []
         figures = [_span(summary, key) for key in ("mean", "median", "p90")]
-        low = summary["held"]["reba"]
-        sustained = "-" if low is None else str(low) if _known(summary) else f"{low}+"
+        held = summary["held"]
+        # Earlier versions wrote datasets without the high end.
+        sustained = _ends(held["reba"], held.get("reba_high", held["reba"]))
         table.add_row(*label, f"{summary['seconds']:.1f}", *figures, sustained, _span(summary, "max"), *shares)
     return table
 
 
-def _known(summary: dict[str, Any]) -> bool:
-    ends = summary["range"]
-    return all(ends[f"{key}_low"] == ends[f"{key}_high"] for key in ("mean", "median", "p90", "max"))
-
-
 def _span(summary: dict[str, Any], key: str) -> str:
-    low, high = summary["range"][f"{key}_low"], summary["range"][f"{key}_high"]
-    if low is None:
+    return _ends(summary["range"][f"{key}_low"], summary["range"][f"{key}_high"], 1 if key == "mean" else 0)
+
+
+def _ends(low: float | None, high: float | None, digits: int = 0) -> str:
+    if low is None or high is None:
         return "-"
-    first, second = (f"{low:.1f}", f"{high:.1f}") if key == "mean" else (str(low), str(high))
+    first, second = f"{low:.{digits}f}", f"{high:.{digits}f}"
     return first if first == second else f"{first}-{second}"
 
 
@@ -344,7 +343,7 @@ def _columns(info: Info) -> Table:
         table.add_column(name, justify="left" if name in ("angle", "") else "right", overflow="fold")
     for name in COLUMNS:
         if name in info.ranges:
-            table.add_row(name, *(f"{value:.1f}" for value in info.ranges[name]), "")
+            table.add_row(name, *(f"{value:z.1f}" for value in info.ranges[name]), "")
         else:
             table.add_row(name, "", "", "", Text(f"not measured: {info.unmeasured.get(name, 'absent')}"), style="dim")
     return table

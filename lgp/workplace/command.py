@@ -77,7 +77,7 @@ def show_workplace(to: Console, moved: Any) -> None:
     from lgp.workplace import wording
 
     for moment in moved.moments:
-        to.print(Text(f"at {time_of(moment.time)}: {wording.result(moment)}", "bold"))
+        to.print(Text(f"at {time_of(moment.time)}: {wording.result(moment, moved)}", "bold"))
         to.print(Text(f"hands now: {wording.where(moment.here)}"))
         table = Table(title="REBA by height and distance of the hands [cm]; * now, ! best", title_justify="left")
         for title in ("height", *(f"{100 * place.distance:.0f}" for place in moment.grid[0])):

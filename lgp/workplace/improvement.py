@@ -107,7 +107,7 @@ class MovedWorkplace:
 
     Attributes:
         moments: the frames.
-        person: stature [m], sex, and the hands that are held.
+        person: stature [m], sex, and the hands that are held: of arms that were not measured none is.
         cost: name of the ergonomic cost; `rules`: of the scores.
         unmeasured: angles without a measurement, `missing` what stands for them.
         name: of the recording.
@@ -189,11 +189,16 @@ def improve(
         "height": tuple(heights or (end * stature / OF_STATURE for end in HEIGHTS)),
         "distance": tuple(distances or (end * stature / OF_STATURE for end in DISTANCES)),
     }
+    held = {hand for frame in frames for hand in Scorer(scores, frame).held(hands)}
     with threadpool_limits(1):  # of matrices as small as these, threads only wait for each other
         moments = tuple(_moment(scores, frame, world, ergonomics, hands, ranges, step) for frame in frames)
     return MovedWorkplace(
         moments,
-        {"stature": float(stature), "sex": sex, "hands": hands},
+        {
+            "stature": float(stature),
+            "sex": sex,
+            "hands": held.pop().removesuffix("_hand") if len(held) == 1 else "both",
+        },
         model.kind,
         scores.rules.name,
         scores.unmeasured,

@@ -43,7 +43,7 @@ def render(workplace: MovedWorkplace, *, command: str = "") -> str:
 
     return template("lgp.workplace", "workplace.html").render(
         workplace=workplace,
-        moments=[_section(moment) for moment in workplace.moments],
+        moments=[_section(moment, workplace) for moment in workplace.moments],
         notes=wording.assumptions(workplace),
         levels=[(number, name) for number, (name, _) in enumerate(ACTION_LEVELS)],
         dark=Markup(read("reba.report", "recording.css")),
@@ -51,7 +51,7 @@ def render(workplace: MovedWorkplace, *, command: str = "") -> str:
     )
 
 
-def _section(moment: MovedSurface) -> dict[str, Any]:
+def _section(moment: MovedSurface, workplace: MovedWorkplace) -> dict[str, Any]:
     """Return the template variables of one frame."""
     from markupsafe import Markup
 
@@ -63,7 +63,7 @@ def _section(moment: MovedSurface) -> dict[str, Any]:
     return {
         "moment": moment,
         "time": time_of(moment.time),
-        "result": wording.result(moment),
+        "result": wording.result(moment, workplace),
         "nearness": wording.nearness(moment),
         "here": wording.where(moment.here),
         "postures": [

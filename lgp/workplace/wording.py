@@ -56,9 +56,10 @@ def mark(place: Place, moment: MovedSurface, *, in_grid: bool) -> str:
     return "now" if place.moved == moment.here.moved else ""
 
 
-def result(moment: MovedSurface) -> str:
+def result(moment: MovedSurface, workplace: MovedWorkplace) -> str:
     """Return the result in a sentence or two."""
-    first = f"{scored(moment.measured)} as measured."
+    filled = f", unmeasured angles {workplace.missing}" if workplace.unmeasured else ""
+    first = f"{scored(moment.measured)} as measured{filled}."
     if moment.unchanged.reba < moment.measured.reba:
         first += f" With the hands where they are, the best posture found has {scored(moment.unchanged)}."
     else:
@@ -84,10 +85,8 @@ def nearness(moment: MovedSurface) -> str:
 def assumptions(workplace: MovedWorkplace) -> list[str]:
     """Return what was assumed and left out, one sentence each."""
     person = workplace.person
-    held = "both hands" if person["hands"] == "both" else f"the {person['hands']} hand"
-    notes = [
-        f"A {person['sex']} body of {person['stature']:g} m; {held} where they work; ergonomic cost {workplace.cost}."
-    ]
+    held = "both hands where they work" if person["hands"] == "both" else f"the {person['hands']} hand where it works"
+    notes = [f"A {person['sex']} body of {person['stature']:g} m; {held}; ergonomic cost {workplace.cost}."]
     if workplace.unmeasured:
         names = ", ".join(body_parts(workplace.unmeasured))
         notes.append(f"Not measured, taken as {workplace.missing} and not moved: {names}.")

@@ -197,7 +197,7 @@ def interval_text(low: float, high: float) -> str:
 
 def _range(rows: Array) -> str:
     low, high = float(rows.min()), float(rows.max())
-    return f"{low:.1f} deg" if high - low < 0.05 else f"{low:.1f} to {high:.1f} deg"
+    return f"{low:z.1f} deg" if high - low < 0.05 else f"{low:z.1f} to {high:z.1f} deg"
 
 
 def _at(scores: ScoreTable, name: str, frames: NDArray[np.int64]) -> NDArray[Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
@@ -116,9 +116,9 @@ def _level_times(levels: Array, weights: Array) -> dict[str, float]:
     return {str(level): float(time) for level, time in enumerate(times)}
 
 
-def sustained(scores: ScoreTable, seconds: float = HELD_SECONDS) -> int | None:
-    """Return the highest score that is sustained for `seconds` (by the low end of the range), or None."""
-    timeline = _Timeline(scores)
+def sustained(scores: ScoreTable, seconds: float = HELD_SECONDS, *, end: Literal["low", "high"] = "low") -> int | None:
+    """Return the highest score that is sustained for `seconds` (by one end of the range), or None."""
+    timeline = _Timeline(scores, end)
     return next((score for score in timeline.scores if timeline.runs(score, seconds)[0].size), None)
 
 
@@ -130,7 +130,7 @@ def intervals(scores: ScoreTable, at_least: int) -> list[Interval]:
 
 
 def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[Interval]:
-    """Return the worst intervals, highest score first, then longest, without overlap.
+    """Return the worst intervals without overlap: that with the highest score in it first, then by the score held.
 
     One rule: an interval is a time at or above a score, and a pause below it that is shorter than a second and than
     the times on either side of it does not end it (`INTERVAL_RULE`). Intervals of at least one second come first,
@@ -149,25 +149,25 @@ def worst_intervals(scores: ScoreTable, count: int = WORST_INTERVALS) -> list[In
                 if all(b < c or a > d for c, d, _ in chosen):
                     chosen.append((a, b, score))
     worst = [timeline.interval(a, b, score) for a, b, score in chosen]
-    return sorted(worst, key=lambda s: (-s.reba, s.start - s.end, s.start))
+    return sorted(worst, key=lambda s: (-timeline.reba[s.frame], -s.reba, s.start - s.end, s.start))
 
 
 class _Timeline:
-    """The low end of REBA over time, cut at gaps and seams: start and end [s] of every frame, and where it is cut."""
+    """One end of REBA over time, cut at gaps and seams: start and end [s] of every frame, and where it is cut."""
 
-    def __init__(self, scores: ScoreTable) -> None:
-        self.low = scores.data["reba_low"].to_numpy(np.int16)
-        self.scores = np.flatnonzero(np.bincount(self.low, minlength=1))[::-1].tolist()
+    def __init__(self, scores: ScoreTable, end: str = "low") -> None:
+        self.reba = scores.data[f"reba_{end}"].to_numpy(np.int16)
+        self.scores = np.flatnonzero(np.bincount(self.reba, minlength=1))[::-1].tolist()
         self.start = scores.time
         weights = durations(self.start)
         self.end = self.start + weights
-        self.broken = np.append(np.diff(self.start) > weights[:-1] + 1e-9, True)[: len(self.low)]
+        self.broken = np.append(np.diff(self.start) > weights[:-1] + 1e-9, True)[: len(self.reba)]
         seams = np.searchsorted(self.start, scores.postures.quality.seams)
         self.broken[seams[seams > 0] - 1] = True
 
     def runs(self, at_least: int, seconds: float = 0.0) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return first and last frame of every run at or above a score that lasts for `seconds`."""
-        above = self.low >= at_least
+        above = self.reba >= at_least
         parted = ~above[:-1] | ~above[1:] | self.broken[:-1]
         first = np.flatnonzero(above & np.concatenate([[True], parted])[: len(above)])
         last = np.flatnonzero(above & np.concatenate([parted, [True]])[-len(above) :])
@@ -186,12 +186,12 @@ class _Timeline:
         long = self.end[last] - self.start[first] >= seconds - 1e-9
         return first[long], last[long]
 
-    def interval(self, first: int, last: int, reba: int) -> Interval:
+    def interval(self, first: int, last: int, held: int) -> Interval:
         """Return a run as an interval, with the frame that stands for it."""
-        low = self.low[first : last + 1]
-        worst = first + np.flatnonzero(low == low.max())
+        inside = self.reba[first : last + 1]
+        worst = first + np.flatnonzero(inside == inside.max())
         middle = int(worst[np.argmin(np.abs(worst - (first + last) / 2))])
-        return Interval(float(self.start[first]), float(self.end[last]), reba, middle)
+        return Interval(float(self.start[first]), float(self.end[last]), held, middle)
 
 
 def summarise(scores: ScoreTable) -> dict[str, Any]:
@@ -245,7 +245,7 @@ def summarise(scores: ScoreTable) -> dict[str, Any]:
             "max_low": low_end.max,
             "max_high": high_end.max,
         },
-        "held": {"seconds": HELD_SECONDS, "reba": sustained(scores)},
+        "held": {"seconds": HELD_SECONDS, "reba": sustained(scores), "reba_high": sustained(scores, end="high")},
         "action_levels": shares,
         "action_level_undetermined": undetermined,
         "sides": {

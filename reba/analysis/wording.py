@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+TIE: Final = 1e-4
+"""[s] Added before rounding: sums of the same durations differ in their last digits, and ties go up. The page of a
+report adds the same (`reba/report/page.js`)."""
+
 
 def seconds(value: float) -> str:
     """Return a duration: "12.3 s", "2 min 56 s", "1 h 00 min".
@@ -9,6 +15,7 @@ def seconds(value: float) -> str:
     >>> seconds(176.2)
     '2 min 56 s'
     """
+    value += TIE
     if value < 60:
         return f"{value:.1f} s"
     if value < 7200:
@@ -16,16 +23,38 @@ def seconds(value: float) -> str:
     return f"{int(value) // 3600} h {int(value) // 60 % 60:02d} min"
 
 
-def moment(time: float) -> str:
+def moment(time: float, digits: int | None = None) -> str:
     """Return a time of a recording: "28.8 s", from two minutes on "37 min 52 s", "2 h 12 min 03 s".
 
-    >>> moment(103.4), moment(7923.9)
-    ('103.4 s', '2 h 12 min 03 s')
+    `digits` of a second are written if given, else one below two minutes and none above.
+
+    >>> moment(103.4), moment(7923.9), moment(7923.9, 1)
+    ('103.4 s', '2 h 12 min 03 s', '2 h 12 min 03.9 s')
     """
+    if digits is not None:
+        time = round(time, digits)
     if time < 120:
-        return f"{time:.1f} s"
+        return f"{time:.{1 if digits is None else digits}f} s"
     hours, rest = divmod(int(time), 3600)
-    return (f"{hours} h {rest // 60:02d}" if hours else f"{rest // 60}") + f" min {rest % 60:02d} s"
+    last = rest % 60 + (round(time % 1, digits) if digits else 0)
+    width = 3 + digits if digits else 2
+    return (f"{hours} h {rest // 60:02d}" if hours else f"{rest // 60}") + f" min {last:0{width}.{digits or 0}f} s"
+
+
+def interval(start: float, end: float) -> str:
+    """Return an interval of a recording with as many digits of a second as its length asks for.
+
+    >>> interval(28.12, 29.6), interval(1.58, 1.6)
+    ('28.1 to 29.6 s, 1.5 s long', '1.58 to 1.60 s, 0.02 s long')
+    >>> interval(2063.1, 2064.6)
+    '34 min 23.1 s to 34 min 24.6 s, 1.5 s long'
+    """
+    length = end - start
+    digits = 1 if length >= 0.1 else 2 if length >= 0.01 else 3
+    long = seconds(length) if digits == 1 else f"{length:.{digits}f} s"
+    first = moment(start, digits)
+    both_seconds = first.removesuffix(" s") if end < 120 else first
+    return f"{both_seconds} to {moment(end, digits)}, {long} long"
 
 
 def percent(share: float) -> str:
@@ -36,7 +65,7 @@ def percent(share: float) -> str:
     """
     if 0 < share < 0.001:
         return "<0.1\xa0%"
-    return f"{100 * share:.0f}\xa0%" if share == 0 or share >= 0.0995 else f"{100 * share:.1f}\xa0%"
+    return f"{100 * share + TIE / 100:.{0 if share == 0 or share >= 0.0995 else 1}f}\xa0%"
 
 
 def percentage_points(low: float, high: float) -> str:

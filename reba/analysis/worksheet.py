@@ -143,7 +143,7 @@ def _part(parts: list[AngleClasses], angles: np.ndarray[Any, Any], counts: bool)
         own = quantity.class_of(angle)
         if counts and any(np.isnan(values)) and own is not quantity.classes[-1]:
             # The other one of two may stand in a higher class.
-            value = f"{angle:.1f} deg, the other not measured"
+            value = f"{angle:z.1f} deg, the other not measured"
             lines.append(WorksheetLine(quantity.part, None, quantity.name, value, _span(quantity, own.points)))
             continue
         points, rule = own.points, own.text
@@ -169,7 +169,7 @@ def _degrees(angle: float, quantity: AngleClasses) -> str:
     """Return an angle with a decimal, or with as many as show its class: 10.04 is over 10, 10.0 is not."""
     own = quantity.class_of(angle)
     digits = next((n for n in range(1, 7) if quantity.class_of(round(angle, n)) is own), 9)
-    return f"{angle:.{digits}f} deg"
+    return f"{angle:z.{digits}f} deg"
 
 
 def _span(quantity: AngleClasses, least: int | None = None) -> str:

@@ -134,18 +134,20 @@ function settings(form) {
 }
 
 function show(place, result) {
-  const high = (row) => row.action_levels["3"] + row.action_levels["4"];
+  // Both ends that unmeasured angles leave.
+  const high = (row) => [...new Set(row.high_seconds.map((time) => percent(time / (row.seconds || 1))))].join(" to ");
   const range = (row, name) =>
     row.range[`${name}_low`] === row.range[`${name}_high`]
       ? `${row.range[`${name}_low`]}`
       : `${row.range[`${name}_low`]} to ${row.range[`${name}_high`]}`;
   const rows = result.rows.map((row) => [
-    row.name, seconds(row.seconds), range(row, "p90"), range(row, "max"), percent(high(row)), percent(row.undetermined),
+    row.name, seconds(row.seconds), range(row, "p90"), range(row, "max"), high(row), percent(row.undetermined),
     row.worst.map((one) => seconds(one.time)).join(", "),
   ]);
   const head = ["Task", "Length", "90th percentile", "Highest", "High risk or more", "Undetermined", "Worst at"];
   const scroll = element("div", undefined, { class: "scroll" });
   scroll.append(table(head, rows));
+  const verdicts = result.rows.map((row) => verdict(result.rows.length > 1 ? row.name : "", row.verdict));
   const links = element("p");
   const label = { "report.html": "Open the report", "scores.csv": "Table (CSV)", "scores.xlsx": "Workbook (Excel)" };
   result.files.forEach((name) => {
@@ -154,11 +156,21 @@ function show(place, result) {
     else link.download = name;
     links.append(link);
   });
-  const keep = element("a", "Save the report", { href: `results/${result.id}/report.html`, download: "report.html" });
-  links.append(keep);
-  place.replaceChildren(scroll, links);
+  links.append(saved(result.id, "report"));
+  place.replaceChildren(...verdicts, scroll, links);
   results.push({ id: result.id, label: `${result.name}, result ${results.length + 1}` });
   offerComparison();
+}
+
+function verdict(name, text) {
+  const line = element("p", undefined, { class: "verdict" });
+  if (name) line.append(element("b", `${name}: `));
+  line.append(text);
+  return line;
+}
+
+function saved(id, what) {
+  return element("a", `Save the ${what}`, { href: `results/${id}/report.html`, download: `${what}.html` });
 }
 
 function offerComparison() {
@@ -174,18 +186,26 @@ find("#compare").addEventListener("click", async () => {
   const place = find("#compared");
   const body = JSON.stringify({ first: find("#first").value, second: find("#second").value });
   try {
-    const { a, b, difference } = await ask("comparison", { method: "POST", body });
-    const known = (value) => value !== null && value !== undefined;
+    const { id, before, after, a, b } = await ask("comparison", { method: "POST", body });
     const range = ({ range: ends }, name) => {
       const [low, high] = [ends[`${name}_low`], ends[`${name}_high`]];
       return low === high ? low.toFixed(1) : `${low.toFixed(1)} to ${high.toFixed(1)}`;
     };
+    const signed = (value) => `${value > 0 ? "+" : ""}${value.toFixed(1)}`;
+    // From the lowest to the highest difference that unmeasured angles leave.
+    const change = (name) => {
+      const ends = [b.range[`${name}_low`] - a.range[`${name}_high`], b.range[`${name}_high`] - a.range[`${name}_low`]];
+      return [...new Set(ends.map(signed))].join(" to ");
+    };
     const titles = { mean: "mean", median: "median", p90: "90th percentile", max: "highest" };
     const rows = Object.entries(titles).map(([name, title]) => [
-      `REBA, ${title}`, range(a, name), range(b, name),
-      known(difference.reba[name]) ? difference.reba[name].toFixed(1) : "undetermined",
+      `REBA, ${title}`, range(a, name), range(b, name), change(name),
     ]);
-    place.replaceChildren(table(["", "Before", "After", "Difference"], rows));
+    const links = element("p", undefined, { class: "results" });
+    links.append(element("a", "Open the comparison", { href: `results/${id}/report.html`, target: "_blank" }));
+    links.append(saved(id, "comparison"));
+    const verdicts = [verdict(`Before, ${before}`, a.verdict.text), verdict(`After, ${after}`, b.verdict.text)];
+    place.replaceChildren(...verdicts, table(["", "Before", "After", "Difference"], rows), links);
   } catch (error) {
     alarm(place, error);
   }

@@ -48,7 +48,7 @@ RESULTS: Final[Mapping[str, str]] = {
 
 @dataclass
 class Scored:
-    """Scores of one recording, one for each task, and the folder of their files."""
+    """Scores of one recording, one for each task, and the folder of their files; of a comparison only the files."""
 
     name: str
     folder: Path
@@ -119,25 +119,22 @@ class Recordings:
         path = self._path(key)
         factors, rules, error = _settings(settings)
         tasks = _tasks(settings.get("tasks"), path.name)
-        result = Scored(path.name, self.folder / f"result-{secrets.token_urlsafe(9)}")
+        result = self._result(path.name)
         with self._work:
             for name, start, end in tasks:
                 postures = read(path, start=start, end=end)
                 one = score(_named(postures, name), rules=rules, error=error, **factors)
                 result.scores.append(one)
-            result.folder.mkdir()
             write_report(result.scores, result.folder / "report.html")
             write_scores(result.scores[0], result.folder / "scores.csv")
             if _has_openpyxl():
                 write_scores(result.scores[0], result.folder / "scores.xlsx")
-        code = result.folder.name.removeprefix("result-")
-        self._results[code] = result
         files = [name for name in RESULTS if (result.folder / name).exists()]
         rows = [
             {"name": name, "start": start, "end": end, **_row(one.summary())}
             for (name, start, end), one in zip(tasks, result.scores, strict=True)
         ]
-        return {"id": code, "name": result.name, "rows": rows, "files": files}
+        return {"id": self._keep(result), "name": result.name, "rows": rows, "files": files}
 
     def result(self, code: str, name: str) -> Path:
         """Return a file of a result.
@@ -150,11 +147,31 @@ class Recordings:
         return self._scored(code).folder / name
 
     def compare(self, first: str, second: str) -> dict[str, Any]:
-        """Compare the first tasks of two results, second minus first, as plain data."""
+        """Compare the first tasks of two results, second minus first, as plain data; write the report of both.
+
+        Raises:
+            RebaError: there is no such result.
+        """
         before, after = self._scored(first), self._scored(second)
+        if not (before.scores and after.scores):
+            raise RebaError("a comparison cannot be compared; choose two results of recordings")
+        result = self._result(f"{before.name} and {after.name}")
         with self._work:
             content: dict[str, Any] = compare(before.scores[0], after.scores[0])
-        return {"before": before.name, "after": after.name, **content}
+            write_report([before.scores[0], after.scores[0]], result.folder / "report.html")
+        return {"id": self._keep(result), "before": before.name, "after": after.name, **content}
+
+    def _result(self, name: str) -> Scored:
+        """Return a result without files in a folder of its own."""
+        result = Scored(name, self.folder / f"result-{secrets.token_urlsafe(9)}")
+        result.folder.mkdir()
+        return result
+
+    def _keep(self, result: Scored) -> str:
+        """Keep a result whose files are written; return its id."""
+        code = result.folder.name.removeprefix("result-")
+        self._results[code] = result
+        return code
 
     def _check_space(self, size: int) -> None:
         free = shutil.disk_usage(self.folder).free
@@ -221,6 +238,8 @@ def _named(postures: PostureTable, name: str) -> PostureTable:
 def _row(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the page shows of a summary."""
     return {
+        "verdict": summary["verdict"]["text"],
+        "high_seconds": summary["verdict"]["high_seconds"],
         "frames": summary["frames"],
         "seconds": summary["seconds"],
         "reba": summary["reba"],

@@ -117,7 +117,7 @@ def differing(a: RecordingSummary, b: RecordingSummary) -> Iterator[str]:
     lacks = [set(one.scores.unmeasured) for one in (a, b)]
     for one, only in ((a, lacks[0] - lacks[1]), (b, lacks[1] - lacks[0])):
         if only:
-            yield f"Only in {one.name} not measured: {join_names(body_parts(sorted(only)))}."
+            yield f"Not measured in {one.name} only: {join_names(body_parts(sorted(only)))}."
     if a.scores.rules != b.scores.rules:
         yield f"The rules differ: {a.scores.rules.name} and {b.scores.rules.name}."
     if (a.scores.error is None) != (b.scores.error is None):

@@ -8,7 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from reba.analysis.exposure import HELD_SECONDS
-from reba.analysis.wording import percent, seconds, span
+from reba.analysis.wording import interval as lasting
+from reba.analysis.wording import moment, percent, seconds, span
 from reba.errors import join_names
 from reba.method.tables import ACTION_LEVEL_FROM, LEVEL_OF, PART_MAXIMA
 from reba.posture.columns import SIDES
@@ -69,7 +70,7 @@ def headline(record: RecordingSummary) -> Headline:
     tiles = (
         Tile(
             f"Highest score sustained for {HELD_SECONDS:g} s",
-            span(*highest),
+            sustained_text(record),
             f"{risk(*highest) if highest[0] is not None else 'no score is sustained that long'}; {peak}",
         ),
         Tile("Mean over time", span(ends["mean_low"], ends["mean_high"], 1), _median(record)),
@@ -88,6 +89,11 @@ def headline(record: RecordingSummary) -> Headline:
         _sentences(record),
         tiles,
     )
+
+
+def sustained_text(record: RecordingSummary) -> str:
+    """Return the highest score sustained for a second, "none" where no score lasts that long."""
+    return "none" if record.sustained[0] is None else span(*record.sustained)
 
 
 def high_risk_share(record: RecordingSummary) -> tuple[float, float]:
@@ -118,7 +124,8 @@ def worse_side(record: RecordingSummary) -> tuple[str, str]:
         "left": float(record.weights[left > right].sum() / record.seconds),
         "right": float(record.weights[right > left].sum() / record.seconds),
     }
-    note = f"left higher {percent(higher['left'])} of the time, right {percent(higher['right'])}, else equal"
+    note = f"left higher {percent(higher['left'])} of the time, right {percent(higher['right'])}"
+    note += ", else equal" if sum(higher.values()) < 1 - 1e-9 else ""
     note += "" if record.fully_measured else "; unmeasured angles neutral"
     if abs(higher["left"] - higher["right"]) < 0.005:
         return "both equal", note
@@ -167,7 +174,7 @@ class WorstInterval:
     Attributes:
         number: from 1, as marked in the plot over time.
         start, end, time: of the interval and of its representative frame [s].
-        length: duration as text.
+        lasting: from when to when, and how long, as text; `shown`: the time of the frame as text.
         sustained: score that every frame of the interval reaches.
         reba: score or range of the frame, with its action `levels` at both ends and the name of its `risk`.
         why: angles and factors with the most points.
@@ -179,7 +186,8 @@ class WorstInterval:
     start: float
     end: float
     time: float
-    length: str
+    lasting: str
+    shown: str
     sustained: int
     reba: str
     levels: tuple[int, int]
@@ -191,7 +199,7 @@ class WorstInterval:
 
 
 def worst_intervals(record: RecordingSummary) -> list[WorstInterval]:
-    """Return the worst intervals, highest score first."""
+    """Return the worst intervals, that with the highest score first."""
     return [_worst_interval(record, number, interval) for number, interval in enumerate(record.summary["worst"], 1)]
 
 
@@ -208,7 +216,8 @@ def _worst_interval(record: RecordingSummary, number: int, interval: dict[str, A
         start=interval["start"],
         end=interval["end"],
         time=time,
-        length=seconds(interval["end"] - interval["start"]),
+        lasting=lasting(interval["start"], interval["end"]),
+        shown=moment(time, 1 if interval["end"] - interval["start"] >= 0.1 else 2),
         sustained=interval["held"],
         reba=span(low, high),
         levels=(int(LEVEL_OF[low]), int(LEVEL_OF[high])),

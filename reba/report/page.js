@@ -42,10 +42,15 @@
     });
   }
 
+  // No line ends between a number and its unit.
+  for (const text of document.querySelectorAll(".verdict")) {
+    text.textContent = text.textContent.replace(/(\d) (?=(%|s|min|h|degrees|kg)(?!\w))/g, "$1\u00a0");
+  }
+
   for (const root of document.querySelectorAll(".what-if")) {
     root.hidden = false;
     const { settings, one, shares, seconds } = json(`${root.dataset.recording}-what-if`);
-    const table = new Uint16Array(Timeline.bytes(shares).buffer);
+    const table = new Uint32Array(Timeline.bytes(shares).buffer);
     const inputs = [...root.querySelectorAll("input[type=range]")];
     const rows = [...root.querySelectorAll("tbody tr")];
     const bar = root.querySelector(".bar");
@@ -56,11 +61,15 @@
     });
     bar.replaceChildren(...[...segments].reverse()); // lowest level first, as in the other bars
     const at = (choice) => settings.reduce((index, [, values], k) => index * values.length + choice[k], 0) * 8;
-    const lasting = (time) => {
-      const whole = Math.floor(time);
-      return time < 60 ? `${time.toFixed(1)} s` : `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
+    // As the report writes durations and shares (reba/analysis/wording.py).
+    const two = (number) => String(number).padStart(2, "0");
+    const lasting = (exact) => {
+      const time = exact + 1e-4, whole = Math.floor(time), minutes = Math.floor(whole / 60);
+      if (time < 60) return `${time.toFixed(1)} s`;
+      return time < 7200 ? `${minutes} min ${two(whole % 60)} s` : `${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
     };
-    const cells = (share) => `${lasting(share * seconds)} (${(100 * share).toFixed(share && share < 0.0995 ? 1 : 0)} %)`;
+    const percent = (share) => (share > 0 && share < 0.001 ? "<0.1" : (100 * share + 1e-6).toFixed(share && share < 0.0995 ? 1 : 0));
+    const cells = (share) => `${lasting(share * seconds)} (${percent(share)}\u00a0%)`;
     const show = () => {
       const choice = inputs.map((input) => Number(input.value));
       inputs.forEach((input, k) => {

@@ -22,7 +22,7 @@ from reba.report.body_map import SCALE, body_map
 from reba.report.comparison import compared_figures, differing
 from reba.report.error_section import error_section
 from reba.report.explorer import cursor_frames, explorer, skeleton
-from reba.report.findings import WHY_P90, headline, high_risk_share, worse_side, worst_intervals
+from reba.report.findings import WHY_P90, headline, high_risk_share, sustained_text, worse_side, worst_intervals
 from reba.report.labels import LEVEL_COLOURS, LIMITS, PART_COLOURS, PARTS, SOURCES, TEXT_ON
 from reba.report.pictures import Pictures
 from reba.report.plots import level_bands, time_label, time_svg
@@ -198,7 +198,7 @@ def _overview(record: RecordingSummary) -> list[tuple[Any, str, str]]:
     ends, title = record.summary["range"], headline(record)
     return [
         (ends["p90_high"], title.p90, "n strong"),
-        (record.sustained[1] or 0, wording.span(*record.sustained), "n"),
+        (record.sustained[1] or 0, sustained_text(record), "n"),
         (ends["mean_high"], wording.span(ends["mean_low"], ends["mean_high"], 1), "n"),
         (high_risk_share(record)[1], _high_risk(record), "n"),
         (worse_side(record)[0], worse_side(record)[0], ""),

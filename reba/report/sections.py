@@ -17,8 +17,7 @@ from reba.method.classes import angle_classes
 from reba.method.rules import PRESETS
 from reba.method.tables import PART_MAXIMA
 from reba.posture.angles import against_gravity
-from reba.posture.columns import COLUMNS_OF, INDEX, SIDES
-from reba.posture.columns import PARTS as BODY_PARTS
+from reba.posture.columns import INDEX, PART_COLUMNS
 from reba.posture.factors import ACTIVITIES, ASSUMED, COUPLINGS, FACTORS, flag, load_kg
 from reba.report.labels import FACTORS as FACTOR_TITLES
 from reba.report.labels import PARTS, RULES, angle_name
@@ -150,20 +149,14 @@ def unmeasured_rows(record: RecordingSummary) -> list[UnmeasuredPart]:
     """Return the parts with unmeasured angles in worksheet order."""
     why = record.scores.postures.why_unmeasured
     rows = []
-    for part, names in BODY_PARTS.items():
-        columns = [c for name in names for c in COLUMNS_OF[name] if c in record.scores.unmeasured]
+    for part, title in PARTS.items():
+        columns = [column for column in PART_COLUMNS.get(part, ()) if column in record.scores.unmeasured]
         if not columns:
             continue
-        sides = [side for side in SIDES if any(column.endswith(side) for column in columns)]
-        sided = [f"{part}_{side}" for side in sides if f"{part}_{side}" in PARTS] or [part]
-        means = [
-            [float(np.average(end[one], weights=record.weights)) for one in sided] if record.frames else []
-            for end in (record.ends.low, record.ends.high)
-        ]
-        leaves = span(min(means[0]), max(means[1]), 1) if means[0] else "not known"
+        ends = (record.ends.low[part], record.ends.high[part])
+        low, high = (float(np.average(end, weights=record.weights)) if record.frames else None for end in ends)
         reasons = tuple(dict.fromkeys(why.get(column, "not in the recording") for column in columns))
-        title = " and ".join(PARTS[one].lower() for one in sided).capitalize()
-        rows.append(UnmeasuredPart(title, tuple(angle_name(column) for column in columns), reasons, leaves))
+        rows.append(UnmeasuredPart(title, tuple(map(angle_name, columns)), reasons, span(low, high, 1)))
     return rows
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from reba.analysis.exposure import durations, sustained
+from reba.analysis.exposure import durations
 from reba.analysis.exposure import summarise as exposure_of
 from reba.analysis.score_table import ScoreTable
 from reba.arrays import Array
@@ -91,9 +91,8 @@ def summarise(scores: ScoreTable) -> RecordingSummary:
     )
     name = PurePath(scores.postures.source.replace("\\", "/")).name or "recording"
     summary = exposure_of(scores)
-    low = summary["held"]["reba"]
-    high = low if not width.any() else sustained(_at_worst(scores))
-    return RecordingSummary(name, scores, summary, (low, high), ends, curves, weights, gaps, grade)
+    held = summary["held"]["reba"], summary["held"]["reba_high"]
+    return RecordingSummary(name, scores, summary, held, ends, curves, weights, gaps, grade)
 
 
 def _contiguous(scores: ScoreTable) -> ScoreTable:
@@ -103,10 +102,6 @@ def _contiguous(scores: ScoreTable) -> ScoreTable:
     block = np.column_stack([scores.time, scores.angles])
     data = pd.DataFrame(block, columns=["time", *COLUMNS], copy=False)
     return dataclasses.replace(scores, postures=dataclasses.replace(scores.postures, data=data))
-
-
-def _at_worst(scores: ScoreTable) -> ScoreTable:
-    return dataclasses.replace(scores, data=scores.data.assign(reba_low=scores.data["reba_high"]))
 
 
 def sampling_rate(scores: ScoreTable) -> float:

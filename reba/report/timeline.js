@@ -1,7 +1,7 @@
 "use strict";
 // The timeline: one cursor and one zoom over REBA, the part scores and the angles of the chosen part.
 const Timeline = (() => {
-  const LEFT = 126, RIGHT = 10, ROW = 20, MISSING = -32768;
+  const LEFT = 138, RIGHT = 10, ROW = 20, MISSING = -32768;
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const unpack = {
     reals: (text) => new Float64Array(bytes(text).buffer),

@@ -31,8 +31,8 @@ LEVELS: Final = 5
 """Action levels; after them stand the time that is not determined, and both ends of that at high risk or above."""
 HIGH: Final = 3
 """Action level of high risk."""
-SHARE_ONE: Final = 50_000
-"""A share of 1 in the packed table."""
+SHARE_ONE: Final = 4_000_000_000
+"""A share of 1 in the packed table: fine enough that the page rounds seconds and shares as the report does."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class WhatIf:
     shares: Array
 
     def packed(self) -> dict[str, Any]:
-        """Return the table for the page: shares as 16-bit integers, of which `SHARE_ONE` is 1."""
-        values = np.round(self.shares * SHARE_ONE).astype("<u2")
+        """Return the table for the page: shares as 32-bit integers, of which `SHARE_ONE` is 1."""
+        values = np.round(self.shares * SHARE_ONE).astype("<u4")
         return {
             "settings": [[name, list(values)] for name, values in self.settings.items()],
             "one": SHARE_ONE,
@@ -61,7 +61,7 @@ class WhatIf:
 def what_if(scores: ScoreTable, weights: Array) -> WhatIf:
     """Return the time per action level under every combination of limits, load, grip and support.
 
-    Limits lead the angles beyond them into the class; what was not measured stays so, and activity as recorded.
+    Angles beyond a limit are moved to it; what was not measured stays so, and activity as recorded.
     """
     rows = np.arange(len(scores.data))
     angles = seen_angles(scores, rows).T

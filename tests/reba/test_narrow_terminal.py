@@ -12,6 +12,7 @@ from rich.table import Table
 
 import dreba.cli
 import lgp.cli
+import reba
 import reba.cli
 from reba.command_line import run
 from reba.terminal import Console, Text
@@ -60,6 +61,17 @@ def test_no_word_is_cut(
     assert not re.search(r"\d *\n *(%|s|min|deg|degrees|kg|cm)\b", narrow), "a number stands apart from its unit"
     # A wide terminal has the names of recordings as headings and labels, a narrow one numbers and letters.
     assert words_of(wide) - words_of(narrow) <= {"recording"}
+
+
+def test_a_verdict_stands_beside_its_name_and_a_sustained_score_is_a_range(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, text = output(monkeypatch, capsys, "reba", "score", PALLETS, KEYPOINTS, "--load", "8")
+    found = re.findall(r"^(\d): (.+)$", text, re.MULTILINE)
+    assert [(number, PALLETS in name or KEYPOINTS in name) for number, name in found] == [("1", True), ("2", True)]
+    row = next(line.split() for line in text.splitlines() if re.match(r" *2 +\d", line))
+    held = reba.score(reba.read(KEYPOINTS), load=8).summary()["held"]
+    assert row[5] == f"{held['reba']}-{held['reba_high']}"
 
 
 @pytest.mark.parametrize("group", GROUPS)

@@ -8,7 +8,7 @@ import pytest
 import lgp
 import reba
 from lgp.workplace.report import render
-from lgp.workplace.wording import move, result
+from lgp.workplace.wording import assumptions, move, result
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -48,7 +48,7 @@ def test_low_work_is_raised(moved):
     assert moment.best.height > moment.here.height + 0.15
     assert moment.proposed.reba <= moment.unchanged.reba - 2
     assert "higher" in move(moment.best)
-    says(result(moment), f"REBA {moment.measured.reba}", f"REBA {moment.proposed.reba}", "higher")
+    says(result(moment, moved), f"REBA {moment.measured.reba}", f"REBA {moment.proposed.reba}", "higher")
 
 
 def test_the_surface_goes_to_a_side_only_where_that_lowers_the_score(moved):
@@ -106,7 +106,11 @@ def test_arms_that_were_not_measured_are_no_hands():
         lgp.improve(scores, at=0.0, hands="left")
     says(error, "left arm", "not measured", "choose")
     small = {"heights": (0.9, 0.9), "distances": (0.3, 0.3), "step": 0.3}
-    assert lgp.improve(scores, at=0.0, **small).moments[0].measured.reba > 1
+    one_arm = lgp.improve(scores, at=0.0, **small)
+    assert one_arm.moments[0].measured.reba > 1
+    assert one_arm.person["hands"] == "right"
+    says(" ".join(assumptions(one_arm)), "the right hand where it works")
+    says(result(one_arm.moments[0], one_arm), "as measured, unmeasured angles neutral")
     with pytest.raises(lgp.LgpError) as error:
         lgp.improve(reba.score({"trunk_flexion": []}))
     says(error, "no frame")
@@ -115,7 +119,13 @@ def test_arms_that_were_not_measured_are_no_hands():
 def test_the_page_states_what_was_found(moved):
     text = render(moved, command="lgp improve shift.mcap")
     (moment,) = moved.moments
-    for words in (result(moment), "out of reach", "lgp improve shift.mcap", "soles on the floor", "angles within"):
+    for words in (
+        result(moment, moved),
+        "out of reach",
+        "lgp improve shift.mcap",
+        "soles on the floor",
+        "angles within",
+    ):
         assert words in text
     assert text.count("<svg") == 3
     assert text.count(">best<") == 2  # in the grid, and among the places to either side

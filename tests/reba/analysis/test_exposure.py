@@ -101,6 +101,21 @@ def test_worst_intervals() -> None:
     assert [s.reba for s in found] == sorted((s.reba for s in found), reverse=True)
 
 
+def test_the_highest_score_comes_first() -> None:
+    """A short time at a score is worse than a long one below it, not than a long one in which a higher one occurs."""
+    values: list[int | None] = [2] * 20 + [3] * 12 + [5] * 4 + [3] * 12 + [2] * 20 + [3] * 40 + [2] * 20
+    scores = scores_of(values, np.arange(len(values)) * 0.1)
+    found = worst_intervals(scores)
+    assert found[0].reba == 3
+    reached = [int(scores.data["reba"].iloc[one.frame]) for one in found]
+    assert reached == sorted(reached, reverse=True)
+
+
+def test_a_sustained_score_has_both_ends() -> None:
+    held = scores_of([None] * 30 + [3] * 30).summary()["held"]
+    assert (held["reba"], held["reba_high"]) == (3, 4)
+
+
 def test_flicker_does_not_end_an_interval() -> None:
     """Two frames below the score inside three seconds are noise; a second below it is a pause."""
     values: list[int | None] = [2] * 10 + [5] * 15 + [3] * 2 + [5] * 15 + [3] * 10 + [5] * 12 + [2] * 10

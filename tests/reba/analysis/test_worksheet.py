@@ -203,3 +203,8 @@ def test_an_angle_is_printed_inside_its_class() -> None:
     assert values["trunk twist"] == ("10.03 deg", "twisted (over 10)")
     assert values["neck twist"] == ("10.0 deg", "within 10")
     assert values["trunk side bend"] == ("-10.0 deg", "within 10")
+
+
+def test_an_angle_that_rounds_to_nothing_has_no_sign() -> None:
+    scores = reba.score(pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [-0.04, 0.0], "neck_flexion": -0.01}))
+    assert [line.value for line in scores.explain(0.0).lines if line.what.endswith("k flexion")] == ["0.0 deg"] * 2

@@ -69,6 +69,8 @@ def test_scores_are_those_of_the_command(address: str) -> None:
         postures = reba.read(RECORDING, start=task.get("start"), end=task.get("end"))
         summary = reba.score(postures, load=8, coupling="fair").summary()
         assert (row["name"], row["reba"]) == (task["name"], summary["reba"])
+        assert row["verdict"] == summary["verdict"]["text"]
+        assert row["high_seconds"] == summary["verdict"]["high_seconds"]
     status, page = ask(address, "GET", f"/results/{result['id']}/report.html")
     assert status == 200
     assert b"first half" in page
@@ -76,6 +78,13 @@ def test_scores_are_those_of_the_command(address: str) -> None:
     assert ask(address, "GET", f"/results/{result['id']}/scores.xlsx")[1].startswith(b"PK")
     status, compared = ask(address, "POST", "/comparison", {"first": result["id"], "second": result["id"]})
     assert (status, compared["a"]) == (200, compared["b"])
+    status, page = ask(address, "GET", f"/results/{compared['id']}/report.html")
+    assert status == 200
+    assert b"B minus A" in page
+    again = {"first": compared["id"], "second": result["id"]}
+    status, refused = ask(address, "POST", "/comparison", again)
+    assert status == 400
+    says(refused["error"], "comparison", "choose two results")
     assert ask(address, "DELETE", f"/recordings/{key}")[0] == 200
     assert ask(address, "GET", f"/recordings/{key}")[0] == 400
 
@@ -155,8 +164,16 @@ def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
             until(browser, f"document.querySelectorAll('.results a').length >= {8 if load else 4}")
         text = browser.find_element("css selector", ".results").text
         assert "90th percentile" in text
+        summary = reba.score(reba.read(RECORDING), load=0).summary()
+        assert text.startswith(summary["verdict"]["text"])
+        low, high = (f"{100 * end / summary['seconds']:.1f} %" for end in summary["verdict"]["high_seconds"])
+        assert low != high
+        assert f"{low} to {high}" in text
         browser.find_element("id", "compare").click()
         until(browser, "document.querySelector('#compared table')")
+        compared = browser.find_element("id", "compared")
+        assert "undetermined" not in compared.text
+        assert len(compared.find_elements("css selector", ".verdict, a")) == 4
         resize(browser, 390)
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
         link = browser.find_element("link text", "Open the report").get_attribute("href")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any
 
@@ -185,6 +186,52 @@ def test_assumptions_change_the_shares(browser: Any, report: Path) -> None:
     for bar in ("#r1 .what-if .bar i", "#r1 .levelbars:not(.errorbars) .bar:first-of-type i"):
         names = browser.execute_script(spans, bar)
         assert names == sorted(names), "the lowest level comes first in every bar"
+
+
+TEXTS = """const [head, ...rest] = document.querySelectorAll('#r1 .what-if tbody tr');
+    return [head, ...rest].map((row) => row.children[1].textContent)"""
+
+
+def test_without_a_change_the_assumptions_read_as_the_report(browser: Any, report: Path, tmp_path: Path) -> None:
+    """Seconds and shares of every length, with ties and noise in the last digit, are rounded alike."""
+    for seconds in (19.0, 19.15, 700.0, 7300.0):
+        time = np.linspace(0.0, seconds, 800, endpoint=False)
+        data = pd.DataFrame(dict.fromkeys(reba.COLUMNS, np.zeros(800)))
+        data["trunk_flexion"] = np.repeat([0.0, 70.0, 0.0, 30.0], [100, 40, 659, 1])
+        data["time"] = time
+        path = tmp_path / f"{seconds}.html"
+        write_report(reba.score(data, load=12.0, activity="none"), path)
+        show(browser, path, 1280)
+        rows = "return [...document.querySelectorAll('#r1 .levels tbody tr')].map((row) => row.children[2].textContent)"
+        levels = [text.split() for text in browser.execute_script(rows)]
+        spoken = [text.replace("(", "").replace(")", "").split() for text in browser.execute_script(TEXTS)]
+        assert spoken == levels, seconds
+
+
+def test_nothing_is_cut_or_leaves_its_frame(browser: Any, tmp_path: Path) -> None:
+    """Ranges are wider than single numbers: in the names of parts, and in the differences on a phone."""
+    recordings = []
+    for without in ("^$", "left|neck|shoulder"):
+        columns = {name: np.full(250, 40.0) for name in reba.COLUMNS if not re.search(without, name)}
+        recordings.append(reba.score(pd.DataFrame({"time": np.arange(250) / 25, **columns}), load=7.0))
+    path = tmp_path / "two.html"
+    write_report(recordings, path)
+    for width in (390, 1280):
+        show(browser, path, width)
+        readout(browser)
+        for selector in (".compared td", ".compared", ".part-names button", ".part-names button b"):
+            code = """const right = (e) => e.getBoundingClientRect().right;
+                const out = (e) => right(e) - 0.5 > right(e.parentElement);
+                return [...document.querySelectorAll(arguments[0])].filter((e) => e.getClientRects().length &&
+                (out(e) || e.scrollWidth > e.clientWidth + 1)).map((e) => e.textContent)"""
+            assert browser.execute_script(code, selector) == [], (width, selector)
+
+
+def test_a_number_stays_with_its_unit(browser: Any, report: Path) -> None:
+    show(browser, report, 390)
+    said = browser.execute_script("return document.querySelector('#r1 .card .verdict').textContent")
+    assert re.search(r"\d\xa0s \(\d+\xa0%", said)
+    assert not re.search(r"\d (s|%|degrees)", said)
 
 
 def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
