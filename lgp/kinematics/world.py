@@ -324,6 +324,14 @@ class World:
         for full, hand in self.scene.hands.items():
             if self.model.existFrame(full):
                 continue
+            if not self.model.existFrame(f"{hand.agent}.{hand.frame}"):
+                own = [
+                    frame.name.partition(".")[2]
+                    for frame in self.model.frames
+                    if frame.name.startswith(f"{hand.agent}.")
+                ]
+                hint = did_you_mean(hand.frame.removeprefix(f"{hand.agent}."), own)
+                raise WorldError(f"{full}: frame is {hand.frame!r}, expected a link or joint of {hand.agent}{hint}")
             base = self.model.frames[self.frame_id(f"{hand.agent}.{hand.frame}")]
             offset = base.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, hand.reach]))
             self.model.addFrame(pin.Frame(full, base.parentJoint, offset, pin.FrameType.OP_FRAME))

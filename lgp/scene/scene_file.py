@@ -365,8 +365,8 @@ def _check_names(scene: Scene) -> None:
     if not scene.agents:
         raise SceneError(f"{scene.name}: no agent, expected [human], [humans.NAME] or [robots.NAME]; add one of them")
     for table in scene.tables.values():
-        robot = table.frame.partition(".")[0]
-        if table.frame and robot not in scene.robots:
+        robot, _, link = table.frame.partition(".")
+        if table.frame and not (link and robot in scene.robots):
             hint = did_you_mean(robot, scene.robots) or "; expected ROBOT.LINK, a link or joint of one of its robots"
             raise SceneError(f"{scene.name}: tables.{table.name} is on {table.frame!r}, which is of no robot{hint}")
     for scene_object in scene.objects.values():

@@ -39,7 +39,8 @@ def read_obstacle(name: str, entries: TomlTable) -> Obstacle:
         file = entries.text("mesh")
         size = entries.vector("scale", 3, (1.0, 1.0, 1.0), 1e-6, 1e6)
         if not file.lower().endswith(ENDINGS) or not os.path.isfile(file):
-            raise SceneError(f"{entries.where}: mesh is {file!r}, expected the path of a file {', '.join(ENDINGS)}")
+            what = "a file" if os.path.isfile(file) else "a file that is there"
+            raise SceneError(f"{entries.where}: mesh is {file!r}, expected the path of {what}, {', '.join(ENDINGS)}")
     obstacle = Obstacle(
         name=name,
         shape=forms[0],

@@ -119,10 +119,20 @@ def test_links_that_cannot_carry_a_table_are_named(tmp_path: Path, frame: str, f
     says(error, *facts)
 
 
+@pytest.mark.parametrize("frame", ["gantry.tip", "tipp"])
+def test_a_frame_of_a_hand_is_one_of_its_robot(tmp_path: Path, frame: str) -> None:
+    values = tray_values(tmp_path)
+    values["robots"]["gantry"]["hands"]["hand"]["frame"] = frame
+    with pytest.raises(WorldError) as error:
+        World(read_scene(values))
+    says(error, "gantry.hand: frame is", repr(frame), "of gantry", "did you mean 'tip'")
+
+
 @pytest.mark.parametrize(
     ("changes", "facts"),
     [
         ({"frame": "gantri.bridge"}, ("tables.tray", "'gantri.bridge'", "of no robot", "gantry")),
+        ({"frame": "gantry"}, ("tables.tray", "'gantry'", "of no robot")),
         ({"frame": "bridge"}, ("tables.tray", "'bridge'", "ROBOT.LINK")),
         ({"clearance": 0.3}, ("tables.tray", "frame and clearance")),
     ],
