@@ -136,6 +136,18 @@ class TrackedWorld:
         turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
         return TrackedPose(turn, np.mean([one.position for one in seen], axis=0), last.time)
 
+    def lies(self, object_name: str) -> tuple[str, TrackedPose] | None:
+        """Return the table that a robot carries under an object, "" for none, and the mean pose of the object.
+
+        It is in the frame of that top, else in the world. None if the object is lost.
+        """
+        at, under = self.mean(object_name), self.carried_under(object_name)
+        if at is None or not under:
+            return None if at is None else ("", at)
+        top = self.hand(under)
+        position = top.rotation.T @ (at.position - top.position)
+        return under, TrackedPose(top.rotation.T @ at.rotation, position, at.time)
+
     def gap(self, hand: str, object_name: str) -> float:
         """Return the distance [m] between the grasping point of a hand and the box of a seen object, 0 inside it."""
         return box_gap(self.hand(hand).position, self.now.objects[object_name], self.world.scene.objects[object_name])

@@ -33,7 +33,13 @@ def drive(simulation: SimulatedWorld) -> None:
 
 def test_a_box_rides_along_and_rests_on_the_tray_that_moves(tmp_path: Path) -> None:
     simulation = simulated(tmp_path, "table.tray")
+    before = simulation.view.lies("box")
     drive(simulation)
+    after = simulation.view.lies("box")
+    assert before is not None
+    assert after is not None
+    assert before[0] == after[0] == "table.tray"
+    np.testing.assert_allclose(before[1].position, after[1].position, atol=1e-12, err_msg="it was not moved there")
     np.testing.assert_allclose(simulation.pose("box").position, [DRIVEN - 0.05, 1.1, HEIGHT + 0.04], atol=1e-12)
     assert simulation.view.table_under("box") == "table.tray"
     assert simulation.view.rests("box"), "on the tray"
