@@ -8,8 +8,8 @@
   numpy`, and Debian's liblapack3) and the folder `data` of https://github.com/MarcToussaint/rai-tutorials; without them
   ours is shown alone.
 - `guided_shelf`, `guided_tunnel`: tasks 0 of guided-tamp-benchmark with its Panda, with the actions of their
-  demonstrations and by our search. Its waiter is left out: the tray is a surface on a robot, which our scenes do not
-  have.
+  demonstrations and by our search. Its waiter is left out: its robot comes with that package
+  (examples/scenes/waiter.toml is a task like it).
 
 Seconds are those of the CPU. `--saved` keeps what `robotic` printed, and reads it the next time.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +13,24 @@ from reba.open_file import read_settings
 
 NAME: Final = "lgp_extension"
 """`__name__` in such a file: what stands below `if __name__ == "__main__":` does not run."""
+
+
+def ask(what: str, function: Callable[[Any], Any], moment: Any) -> Any:
+    """Return what a function of one's own says of a moment.
+
+    Raises:
+        LgpError: it fails with an error of its own; names `what` it is, and its line.
+    """
+    try:
+        return function(moment)
+    except RebaError:
+        raise
+    except Exception as error:
+        own = traceback.extract_tb(error.__traceback__)[1:2]
+        at = f" (line {own[0].lineno} of {own[0].filename})" if own else ""
+        raise LgpError(
+            f"{what} fails{at}: {type(error).__name__}: {' '.join(str(error).split())}; correct it"
+        ) from error
 
 
 def run_extension(file: str) -> None:

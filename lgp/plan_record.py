@@ -15,6 +15,7 @@ from lgp.errors import LgpError
 from lgp.logic.task import numbered
 from lgp.plan_files import AS_THEY_ARE, SavedMotion, read_plan, write_plan
 from lgp.scene.model import Scene
+from lgp.scene.surroundings import standing
 from reba.arrays import Array, Indices
 from reba.checks import PATH, POSITIVE, TEXT, accepts
 from reba.errors import did_you_mean
@@ -238,7 +239,7 @@ class Plan:
             LgpError: the folder cannot be written.
         """
         data = {
-            "scene": {"name": self.scene.name, "values": self.scene.values},
+            "scene": {"name": self.scene.name, "values": self.scene.values, **standing(self.scene)},
             **{name: getattr(self, name) for name in AS_THEY_ARE},
             "actions": list(self.actions),
             "durations": list(self.durations),

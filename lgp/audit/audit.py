@@ -23,7 +23,7 @@ from lgp.audit.withdrawals import in_the_way
 from lgp.errors import LgpError
 from lgp.kinematics.mesh_file import read_mesh
 from lgp.plan_record import Plan
-from lgp.scene.model import Obstacle, Scene
+from lgp.scene.model import Obstacle, Scene, Table
 from lgp.scene.surroundings import fixed_bodies
 from reba.arrays import Array, Indices
 from reba.checks import Allowed, accepts
@@ -103,29 +103,37 @@ def bodies_of(run: Replay) -> tuple[list[Body], Array, Array, Indices]:
         bodies += own
         rotations.append(rotation)
         positions.append(position)
-    for body, rotation, position in (*_tables(scene), *_obstacles(scene), *_objects(run)):
+    for body, rotation, position in (*_tables(samples), *_obstacles(scene), *_objects(run)):
         bodies.append(body)
         rotations.append(np.broadcast_to(rotation, (1, samples.count, 3, 3)))
         positions.append(np.broadcast_to(position, (1, samples.count, 3)))
     pairs = [
         pair
         for pair in combinations(range(len(bodies)), 2)
-        if pair not in joined and not all(_stands(bodies[number]) for number in pair)
+        if pair not in joined and not _never_meet(*(bodies[number] for number in pair))
     ]
     return bodies, np.concatenate(rotations), np.concatenate(positions), np.array(pairs, np.intp).reshape(-1, 2)
 
 
-def _stands(body: Body) -> bool:
-    """Return whether a body never moves: a table, an obstacle, or what a robot stands on."""
-    return body.kind in (TABLE, OBSTACLE) or (body.kind == ROBOT and body.joint == BASE)
+def _never_meet(one: Body, other: Body) -> bool:
+    """Return whether two bodies never move, or one is a table that the other carries."""
+    carried = TABLE in (one.kind, other.kind) and (one.owner, one.joint) == (other.owner, other.joint)
+    return carried or all(body.joint == BASE and body.kind in (TABLE, OBSTACLE, ROBOT) for body in (one, other))
 
 
-def _tables(scene: Scene) -> Iterator[tuple[Body, Array, Array]]:
-    for name, table in scene.tables.items():
-        angle = np.radians(table.yaw)
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-        middle = np.array([*table.position, table.height - table.thickness / 2.0])
-        yield Body(name, TABLE, name, BASE, box((*table.size, table.thickness))), turn, middle
+def _tables(samples: Samples) -> Iterator[tuple[Body, Array, Array]]:
+    for name, table in samples.plan.scene.tables.items():
+        top = samples.tops.get(name)
+        turn, position = _standing(table) if top is None else (top.rotation, top.position)
+        below = position - table.thickness / 2.0 * turn[..., 2]
+        owner, joint = (name, BASE) if top is None else (top.robot, top.joint)
+        yield Body(name, TABLE, owner, joint, box((*table.size, table.thickness))), turn, below
+
+
+def _standing(table: Table) -> tuple[Array, Array]:
+    angle = np.radians(table.yaw)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    return turn, np.array([*table.position, table.height])
 
 
 def _obstacles(scene: Scene) -> Iterator[tuple[Body, Array, Array]]:

@@ -37,7 +37,7 @@ def allowed_depths(run: Replay, bodies: Sequence[Body]) -> Allowed:
     depths: Allowed = {}
     for span, inside, around in _declared(run):
         depth = _profile(run.samples.times, *_lasts(run, span), inside, around)
-        for one in _bodies(bodies, span.first):
+        for one in (*_bodies(bodies, span.first), *_below(run, bodies, span.first)):
             for other in _bodies(bodies, span.second):
                 pair = (min(one, other), max(one, other))
                 depths[pair] = np.maximum(depths.get(pair, 0.0), depth)
@@ -73,6 +73,12 @@ def _profile(times: Array, begin: float, end: float, inside: float, around: floa
     """Return the depth (T,) [m] that a contact from `begin` to `end` [s] may have."""
     away = np.maximum(begin - times, times - end)
     return np.where(away <= ROUNDING, inside, np.where(away <= WINDOW + ROUNDING, around, 0.0))
+
+
+def _below(run: Replay, bodies: Sequence[Body], name: str) -> list[int]:
+    """Return the numbers of the bodies of the link that carries a table; none where it stands on the floor."""
+    table = run.scene.carried_tables.get(name)
+    return [] if table is None else [number for number, body in enumerate(bodies) if body.name == table.frame]
 
 
 def _bodies(bodies: Sequence[Body], name: str) -> list[int]:

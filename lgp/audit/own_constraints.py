@@ -52,6 +52,8 @@ class SampledMoment:
             return self.poses[name]
         if name in self.samples.hands:
             return self.samples.hands[name]
+        if name in self.samples.tops:
+            return self.samples.tops[name][:2]
         count = self.samples.count
         if name in self.scene.tables:
             table = self.scene.tables[name]

@@ -97,6 +97,8 @@ def replay(samples: Samples) -> Replay:
 def _first_poses(samples: Samples, name: str) -> Poses:
     """Return the poses (T, ...) of an object as if what has it at first had it all the time."""
     item = samples.plan.scene.objects[name]
+    if item.on in samples.tops:
+        return _carried(samples.tops[item.on][:2], *rest_pose(samples.plan.scene.tables[item.on].top, item))
     if not item.hand:
         rotation, position = rest_pose(samples.plan.scene.tables[item.on], item)
         return np.repeat(rotation[None], samples.count, axis=0), np.repeat(position[None], samples.count, axis=0)
@@ -106,9 +108,9 @@ def _first_poses(samples: Samples, name: str) -> Poses:
     return _carried(samples.hands[item.hand], turn, np.array(item.in_hand[:3]))
 
 
-def _carried(hand: Poses, turn: Array, offset: Array) -> Poses:
-    """Return the poses (T, ...) of an object that a hand has at a pose (3, 3), (3,) in its frame."""
-    rotation, position = hand
+def _carried(carrier: Poses, turn: Array, offset: Array) -> Poses:
+    """Return the poses (T, ...) of an object that a hand or table carries at a pose (3, 3), (3,) in its frame."""
+    rotation, position = carrier
     return rotation @ turn, position + rotation @ offset
 
 
@@ -187,12 +189,13 @@ def _check_grip(run: Replay, text: str, hand: str, item_name: str, at: int) -> N
         _fault(run, "attachment", f"{text}: {hand} is turned {turned:.1f} deg from the grip of {item_name}", turned, at)
 
 
-def _take(run: Replay, item_name: str, hand: str, at: int) -> None:
-    """Attach an object to a hand as it is there, from a sample on."""
+def _take(run: Replay, item_name: str, parent: str, at: int) -> None:
+    """Attach an object to a hand, or to a table that is carried, as it is there, from a sample on."""
+    samples = run.samples
+    carrier = samples.tops[parent][:2] if parent in samples.tops else samples.hands[parent]
     turn, position = pose_at(run.poses[item_name], at)
-    own, place = pose_at(run.samples.hands[hand], at)
-    carried = _carried(run.samples.hands[hand], own.T @ turn, own.T @ (position - place))
-    _switch(run, item_name, hand, carried, at)
+    own, place = pose_at(carrier, at)
+    _switch(run, item_name, parent, _carried(carrier, own.T @ turn, own.T @ (position - place)), at)
 
 
 def _switch(run: Replay, item_name: str, parent: str, poses: Poses, at: int) -> None:
@@ -208,17 +211,20 @@ def _switch(run: Replay, item_name: str, parent: str, poses: Poses, at: int) -> 
 def _put(run: Replay, text: str, item_name: str, table: str, at: int) -> None:
     """Leave an object on a table as it is there, from a sample on."""
     turn, position = pose_at(run.poses[item_name], at)
-    for what, amount in put_down_errors(run.scene.tables[table], run.scene.objects[item_name], turn, position):
+    top = run.samples.table(table, at)
+    for what, amount in put_down_errors(top, run.scene.objects[item_name], turn, position):
         _fault(run, "attachment", f"{text}: {item_name} is put down {what}", amount, at)
     count = run.samples.count
-    _switch(run, item_name, table, (np.repeat(turn[None], count, 0), np.repeat(position[None], count, 0)), at)
+    if table in run.samples.tops:
+        _take(run, item_name, table, at)
+    else:
+        _switch(run, item_name, table, (np.repeat(turn[None], count, 0), np.repeat(position[None], count, 0)), at)
     _rests(run, item_name, table, at)
 
 
 def _rests(run: Replay, item_name: str, table: str, at: int) -> None:
-    for what, amount in resting_errors(
-        run.scene.tables[table], run.scene.objects[item_name], *pose_at(run.poses[item_name], at)
-    ):
+    item, where = run.scene.objects[item_name], pose_at(run.poses[item_name], at)
+    for what, amount in resting_errors(run.samples.table(table, at), item, *where):
         _fault(run, "resting", f"{item_name} on {table} {what}", amount, at)
 
 

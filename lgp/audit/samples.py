@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from lgp.audit.agents import AgentModel, person_model, robot_model
-from lgp.audit.joint_tree import along, attached, place, values_of
+from lgp.audit.joint_tree import about, along, attached, place, values_of
 from lgp.audit.shapes import Body
 from lgp.errors import LgpError
 from lgp.kinematics.human import PELVIS
 from lgp.kinematics.interpolation import interpolate
 from lgp.kinematics.leg_ik import LegSegments
 from lgp.plan_record import Plan
-from lgp.scene.model import Human, Robot
+from lgp.scene.model import Human, Robot, Table
 from reba.arrays import Array, Indices
 
 PER_SLICE: Final = 10
@@ -24,6 +24,20 @@ PER_SLICE: Final = 10
 
 Poses = tuple[Array, Array]
 """Rotations (T, 3, 3) and positions (T, 3) [m]."""
+
+
+class CarriedTop(NamedTuple):
+    """The top of a table that a robot carries: where its centre is in T samples, x along its length.
+
+    Attributes:
+        rotation, position: (T, 3, 3) and (T, 3) [m].
+        robot, joint: that carry it; the joint by the number of its frame.
+    """
+
+    rotation: Array
+    position: Array
+    robot: str
+    joint: int
 
 
 @dataclass(frozen=True)
@@ -37,6 +51,7 @@ class Samples:
         models: the agents.
         frames: of the joints of each agent, (n + 1, T, ...), jaws where they are at first.
         hands: grip point of each hand.
+        tops: centre of the top of each table that a robot carries.
     """
 
     plan: Plan
@@ -46,6 +61,7 @@ class Samples:
     models: tuple[AgentModel, ...]
     frames: tuple[Poses, ...]
     hands: Mapping[str, Poses]
+    tops: Mapping[str, CarriedTop]
 
     @staticmethod
     def of(plan: Plan) -> Samples:
@@ -84,8 +100,17 @@ class Samples:
             if model.hands:
                 rotation, position = attached(*placed, list(model.hands.values()))
                 hands |= dict(zip(model.hands, zip(rotation, position, strict=True), strict=True))
+        tops = {name: _top(table, models, frames) for name, table in plan.scene.carried_tables.items()}
         last = np.array([np.flatnonzero(plan.phase == number)[-1] for number in phase_of], np.intp)
-        return Samples(plan, np.asarray(times), moved, (last + 1) * PER_SLICE, models, frames, hands)
+        return Samples(plan, np.asarray(times), moved, (last + 1) * PER_SLICE, models, frames, hands, tops)
+
+    def table(self, name: str, sample: int) -> Table:
+        """Return a table as it stands in the world in one sample."""
+        table = self.plan.scene.tables[name]
+        if name not in self.tops:
+            return table
+        turn, (x, y, height) = self.tops[name].rotation[sample], self.tops[name].position[sample].tolist()
+        return replace(table, position=(x, y), yaw=float(np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))), height=height)
 
     @property
     def count(self) -> int:
@@ -114,6 +139,20 @@ class Samples:
 def _frames(model: AgentModel, moved: Mapping[str, Array], count: int) -> Poses:
     values = values_of(model.joints, moved, model.fixed)
     return place(model.joints, model.rotation, model.position, values, count)
+
+
+def _top(table: Table, models: tuple[AgentModel, ...], frames: tuple[Poses, ...]) -> CarriedTop:
+    """Return the top of a table that a robot carries."""
+    robot, _, link = table.frame.partition(".")
+    for model, placed in zip(models, frames, strict=True):
+        if model.agent.name == robot and model.file is not None and link in model.file.frames:
+            turn = about(np.array([0.0, 0.0, 1.0]), np.radians([table.yaw]))[0]
+            top = model.file.frames[link].then(turn, np.array([*table.position, table.height]))
+            rotation, position = attached(*placed, [top])
+            return CarriedTop(rotation[0], position[0], robot, top.on)
+    raise LgpError(
+        f"{table.full} is on {table.frame!r}, which no robot has; audit a plan with the scene it was made for"
+    )
 
 
 def _model(agent: object) -> AgentModel:

@@ -89,7 +89,7 @@ def required_distances(
         of_pair = np.where(close, np.minimum(of_pair, 0.0), of_pair)
     required = np.tile(of_pair, (len(times), 1))
     agents = {hand.partition(".")[0] for shape in shapes for hand in shape.hands}
-    names = [shape.hands if shape.owner in agents else shape.hands | {shape.name} for shape in shapes]
+    names = [shape.hands | {shape.table if shape.owner in agents else shape.name} for shape in shapes]
     hands = set[str]().union(*(shape.hands for shape in shapes))
     for contact in contacts:
         one, other = (np.array([name in own for own in names], bool)[sides] for name in (contact.first, contact.second))

@@ -296,8 +296,10 @@ def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
         return kinds in ({"grip"}, {"grip", "object"})
     if "point" in kinds:
         return first.owner != second.owner and bool(kinds & {"table", "object"})
-    if "link" not in kinds:
-        # Of two shapes that are not links, only objects move.
+    if "table" in kinds and first.frame == second.frame != "":
+        return False  # what carries the table
+    if not (first.frame or second.frame):
+        # Of two shapes that no joint moves, only objects do.
         return "object" in kinds
     if first.owner != second.owner or not first.branch:
         return True

@@ -1,8 +1,8 @@
 """Where collision shapes are at many points of a sequence, and how points fixed to them move, all at once.
 
-Every shape is rigid in a carrier: a frame of an agent, the hand that has its object, or the world. Its pose there
-depends on the phase, and for an object on the variables of its attachment; the rest is a product of stacked arrays.
-Legs that are solved from the pelvis have closed forms of their own.
+Every shape is rigid in a carrier: a frame of an agent, the hand or carried table that has its object, or the world.
+Its pose there depends on the phase, and for an object on the variables of its attachment; the rest is a product of
+stacked arrays. Legs that are solved from the pelvis have closed forms of their own.
 """
 
 from __future__ import annotations
@@ -132,8 +132,8 @@ class ShapePlacements:
     def _carrier(self, shape: CollisionShape, phase: int) -> str:
         if shape.owner not in self.world.scene.objects:
             return shape.frame
-        parent = self.modes.attachment(shape.owner, phase).parent
-        return parent if parent in self.world.scene.hands else ""
+        attachment = self.modes.attachment(shape.owner, phase)
+        return attachment.parent if attachment.base is None else ""
 
     def _in_carriers(self, phases: int) -> tuple[Array, Array]:
         """Return poses (K + 1, B, 3, 3) and (K + 1, B, 3) of all shapes in their carriers, or in their objects.

@@ -32,7 +32,18 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
     for name, table in world.scene.tables.items():
         rotation = rotation_about_z(np.radians(table.yaw))
         centre = np.array([*table.position, table.height - table.thickness / 2.0])
-        shapes.append(box(name, "table", "table", rotation, centre, (*table.size, table.thickness)))
+        size = (*table.size, table.thickness)
+        if not table.frame:
+            shapes.append(box(name, "table", "table", rotation, centre, size))
+            continue
+        top = world.model.frames[world.frame_id(name)]
+        joint = str(world.model.names[top.parentJoint]) if top.parentJoint else ""
+        at = top.placement.act(np.array([0.0, 0.0, -table.thickness / 2.0]))
+        shapes.append(replace(box(name, name, "table", top.placement.rotation.copy(), at, size), frame=joint))
+        # What its link draws below the top is the table, too.
+        shapes = [
+            replace(shape, table=name) if shape.name.partition("/")[0] == table.frame else shape for shape in shapes
+        ]
     for name, hand in world.scene.hands.items():
         shapes.append(_grip(name, hand.agent, world.scene.hand_clearance / 2.0))
     for name, item in world.scene.objects.items():

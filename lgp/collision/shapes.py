@@ -34,7 +34,7 @@ class CollisionShape:
 
     Attributes:
         name: for messages.
-        owner: agent, "table", or the object's name.
+        owner: agent, "table", or the name of an object or of a table that a robot carries.
         kind: "link", "base", "table", "object", "point" of a link or an object: a corner or an end, or "grip": a ball
             around the grip point of a hand, as large as half the distance that two grip points keep.
         frame: frame it is fixed to, "" for the world.
@@ -47,6 +47,7 @@ class CollisionShape:
         hands: hands that it belongs to; these may touch what they take, have and let go.
         jaw: of a finger, None for other shapes.
         leg: "left thigh", "right shank" ... of a leg whose joints are solved in closed form, "" for other shapes.
+        table: that the link is, "" for other shapes: what rests on it touches the link.
     """
 
     name: str
@@ -64,6 +65,7 @@ class CollisionShape:
     hands: frozenset[str] = frozenset()
     jaw: JawPlacement | None = None
     leg: str = ""
+    table: str = ""
 
 
 def box(

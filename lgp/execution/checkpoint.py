@@ -50,7 +50,12 @@ class Checkpoint:
     def record(self) -> dict[str, Any]:
         """Return plain data, as the log holds them."""
         placed = {
-            name: {"hand": at.hand, "rotation": at.rotation.tolist(), "position": at.position.tolist()}
+            name: {
+                "hand": at.hand,
+                "table": at.table,
+                "rotation": at.rotation.tolist(),
+                "position": at.position.tolist(),
+            }
             for name, at in self.objects.items()
         }
         plain = {"q": self.q.tolist(), "closed": sorted(self.closed), "things": placed}
@@ -97,6 +102,10 @@ class Checkpoint:
         unknown += [at.hand for at in self.objects.values() if at.hand and at.hand not in hands]
         if unknown:
             raise LgpError(f"the checkpoint: {unknown[0]!r} is no hand of the scene")
+        carried = ["", *world.scene.carried_tables]
+        astray = [at.table for at in self.objects.values() if at.table not in carried]
+        if astray:
+            raise LgpError(f"the checkpoint: {astray[0]!r} is no table that a robot of the scene carries")
         if self.objects and self.objects.keys() != objects.keys():
             names = sorted(self.objects.keys() ^ objects.keys())
             raise LgpError(f"the checkpoint: its objects are not those of the scene ({names[0]!r})")
@@ -107,7 +116,8 @@ def _placement(table: TomlTable) -> Placement:
     rotation = np.array([row.vector("rotation", 3, low=-1.0 - _TURN, high=1.0 + _TURN) for row in rows])
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _TURN or np.linalg.det(rotation) < 0.0:
         raise LgpError(f"{table.where}: rotation is no rotation matrix")
-    return Placement(table.text("hand"), rotation, np.array(table.vector("position", 3)))
+    position = np.array(table.vector("position", 3))
+    return Placement(table.text("hand"), rotation, position, table.text("table", ""))
 
 
 def _rows(table: TomlTable) -> list[Any]:

@@ -218,7 +218,7 @@ class Executive:
         scene = self.planner.plan.scene
         self.phase, self._restarts, self._stopped_by = phase, False, ""
         names = [name for action in self._actions for name in action.arguments if name in scene.objects]
-        self._expected = {name: at for name in names if (at := self.view.mean(name)) is not None}
+        self._expected = {name: at for name in names if (at := self.view.lies(name)) is not None}
         nominal = self.planner.nominal(self.number)
         self._carried = {name: hand for name in scene.objects if (hand := carrier(self.view, name, nominal))}
         self._enter("moving")
@@ -268,7 +268,7 @@ class Executive:
 
     def _unreachable(self, name: str) -> bool:
         """Return whether the human cannot reach a displaced object; if they can, expect it at its new pose."""
-        now = self.view.mean(name)
+        now = self.view.lies(name)
         if now is None or not self.view.table_under(name):
             return False
         self._expected[name] = now
@@ -278,10 +278,10 @@ class Executive:
             return False
         return isinstance(self.planner.retarget(self.number, scene, self.view.now.q), str)
 
-    def _displaced(self, name: str, expected: TrackedPose) -> bool:
-        """Return whether an object rests away from the pose that the motion expects."""
-        now = self.view.mean(name)
-        away = np.inf if now is None else np.linalg.norm(now.position - expected.position)
+    def _displaced(self, name: str, expected: tuple[str, TrackedPose]) -> bool:
+        """Return whether an object rests away from where the motion expects it, on a table that a robot carries too."""
+        on, at = self.view.lies(name) or ("", None)
+        away = np.inf if at is None or on != expected[0] else np.linalg.norm(at.position - expected[1].position)
         return bool(away > self.view.tolerances.moved and self.view.rests(name))
 
     def _stop(self, kind: str, why: str) -> None:

@@ -130,8 +130,8 @@ class Faults:
         table = self.simulation.view.table_under(name)
         if not table or self.simulation.objects[name].hand:
             return f"{fault.kind}: {name} lies on no table, no effect"
-        tables = self.simulation.world.scene.tables
         if fault.kind == "away":
+            tables = {other: self.simulation.view.table(other) for other in self.simulation.world.scene.tables}
             own = np.array(tables[table].position)
             far = max(tables, key=lambda other: float(np.linalg.norm(np.array(tables[other].position) - own)))
             self.simulation.lay(name, far, 0.0, 0.0)
@@ -142,7 +142,7 @@ class Faults:
 
     def _free_position(self, name: str, table: str, amount: float) -> tuple[float, float]:
         """Return x, y [m] on a table about `amount` from an object, in a random direction with room for it."""
-        top = self.simulation.world.scene.tables[table]
+        top = self.simulation.view.table(table)
         x, y, _, _ = on_table(top, self.simulation.pose(name))
         room = np.maximum(np.array(top.size) / 2.0 - EDGE, 0.0)
         first = self.rng.uniform(0.0, 2.0 * np.pi)

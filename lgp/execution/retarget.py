@@ -34,7 +34,7 @@ from lgp.path.keyframes import Solution
 from lgp.path.partial_order import one_at_a_time
 from lgp.plan_record import Plan
 from lgp.planner import task_of
-from lgp.scene.model import Scene
+from lgp.scene.model import Scene, Table
 from reba.arrays import Array, Indices
 
 MAX_PENETRATION = 1e-3
@@ -264,7 +264,8 @@ class Planner:
     def planned_placement(self, number: int) -> TablePose:
         """Return the planned pose of the object that an action places."""
         switch = self.motion.phases.switches[number]
-        return self._on(switch.table, self._pose(switch.object_name, self._row(number, 1)))
+        row = self._row(number, 1)
+        return self._on(switch.table, self._pose(switch.object_name, row), row)
 
     def _fixed_variables(
         self, number: int, since: int, scene: Scene, target: TablePose | None
@@ -289,11 +290,12 @@ class Planner:
         for other in others if target is None else ():
             if other.on == switch.table and not other.hand:
                 x, y, yaw = other.at
-                rotation, position = resting(scene.tables[other.on], other, x, y, np.radians(yaw), other.up)
+                table = self._table(other.on, row)
+                rotation, position = resting(table, other, x, y, np.radians(yaw), other.up)
                 was, goal = self._pose(other.name, row), self._pose(switch.object_name, row)
                 turn = rotation @ was.rotation.T
                 moved = TrackedPose(turn @ goal.rotation, position + turn @ (goal.position - was.position), 0.0)
-                target = self._on(switch.table, moved)
+                target = self._on(switch.table, moved, row)
         if target is not None:
             fixed_variables = {prefix + name: value for name, value in target._asdict().items()}
         return fixed_variables, not joints
@@ -304,9 +306,14 @@ class Planner:
         masks = [world.support(name) for name in self.actions[number].arguments if name in hands]
         return np.flatnonzero(np.sum(masks, axis=0))
 
-    def _on(self, table: str, at: TrackedPose) -> TablePose:
-        x, y, yaw, _ = on_table(self.plan.scene.tables[table], at)
+    def _on(self, table: str, at: TrackedPose, row: int) -> TablePose:
+        x, y, yaw, _ = on_table(self._table(table, row), at)
         return TablePose(x, y, float(np.radians(yaw)))
+
+    def _table(self, name: str, row: int) -> Table:
+        """Return a table as it stands at a row of the motion."""
+        carried = [name] if self.plan.scene.tables[name].frame else []
+        return self.motion.world.at(self.motion.path[row][None], carried).table(name)
 
     def _pose(self, name: str, row: int) -> TrackedPose:
         """Return the planned pose of an object at a row of the motion."""
@@ -368,9 +375,9 @@ class Planner:
         if seen is None:
             return 0.0, 0.0
         rotation, position, _ = vars(self._pose(name, row)).values()
-        hand = carrier(view, name, self.nominal(number))
+        hand = carrier(view, name, self.nominal(number)) or view.carried_under(name)
         if hand:
-            # For an object in a hand its pose in the hand counts: the hand itself may be elsewhere.
+            # For an object in a hand its pose in the hand counts: the hand itself may be elsewhere. So may a robot be.
             frame = self.motion.frames([hand])[hand]
             position = frame.rotation[row].T @ (position - frame.position[row])
             rotation = frame.rotation[row].T @ rotation

@@ -15,6 +15,7 @@ from lgp.kinematics.attachments import resting
 from lgp.kinematics.features import exponential
 from lgp.kinematics.modes import ModeSequence
 from lgp.kinematics.world import World
+from lgp.scene.model import Table
 from reba.arrays import Array
 
 GRASP = 0.035
@@ -30,11 +31,12 @@ ROTATION_NOISE = 0.003
 
 @dataclass(frozen=True)
 class Placement:
-    """The pose of an object: in the frame of a hand, or with `hand` "" at rest in the world."""
+    """The pose of an object: in the frame of a hand or of a table that a robot carries; else at rest in the world."""
 
     hand: str
     rotation: Array
     position: Array
+    table: str = ""
 
 
 class SimulatedWorld:
@@ -76,20 +78,21 @@ class SimulatedWorld:
     def pose(self, name: str) -> TrackedPose:
         """Return the true pose of an object."""
         at = self.objects[name]
-        if not at.hand:
+        if not (at.hand or at.table):
             return TrackedPose(at.rotation, at.position, self.time)
-        hand = self._hand(at.hand)
-        return TrackedPose(hand.rotation @ at.rotation, hand.position + hand.rotation @ at.position, self.time)
+        carrier = self._frame(at.hand or at.table)
+        position = carrier.position + carrier.rotation @ at.position
+        return TrackedPose(carrier.rotation @ at.rotation, position, self.time)
 
     def gap(self, hand: str, name: str) -> float:
         """Return the distance [m] of a hand's grasping point from the box of an object."""
-        return box_gap(self._hand(hand).position, self.pose(name), self.world.scene.objects[name])
+        return box_gap(self._frame(hand).position, self.pose(name), self.world.scene.objects[name])
 
     def take(self, hand: str, name: str) -> bool:
         """Attach an object to a hand that reaches it, from any other hand; return whether it does."""
         if self.gap(hand, name) > GRASP:
             return False
-        self.objects[name] = Placement(hand, *in_hand(self._hand(hand), self.pose(name)))
+        self.objects[name] = Placement(hand, *in_hand(self._frame(hand), self.pose(name)))
         return True
 
     def put(self, name: str) -> None:
@@ -97,23 +100,32 @@ class SimulatedWorld:
         pose, scene = self.pose(name), self.world.scene
         scene_object = scene.objects[name]
         low = pose.position[2] - half_height(scene_object, pose.rotation)
-        under = [
-            table for table in scene.tables.values() if on_top(table, pose.position) and table.height <= low + LEVEL
-        ]
+        tables = self._tables()
+        under = [one for one in tables.values() if on_top(one, pose.position) and one.height <= low + LEVEL]
         if under:
             table = max(under, key=lambda one: one.height)
-            x, y, yaw, up = on_table(table, pose)
-            rotation, position = resting(table, scene_object, x, y, np.radians(yaw), up)
+            self.objects[name] = self._resting(table, name, *on_table(table, pose))
         else:
             rotation, position = pose.rotation, pose.position.copy()
             position[2] = half_height(scene_object, rotation)
-        self.objects[name] = Placement("", rotation, position)
+            self.objects[name] = Placement("", rotation, position)
 
     def lay(self, name: str, table: str, x: float, y: float) -> None:
         """Put an object on a table at x, y [m] of its top, with its present yaw and upward side."""
-        top, scene_object = self.world.scene.tables[table], self.world.scene.objects[name]
+        top = self._tables()[table]
         _, _, yaw, up = on_table(top, self.pose(name))
-        self.objects[name] = Placement("", *resting(top, scene_object, x, y, np.radians(yaw), up))
+        self.objects[name] = self._resting(top, name, x, y, yaw, up)
+
+    def _resting(self, table: Table, name: str, x: float, y: float, yaw: float, up: str) -> Placement:
+        """Return an object at rest on a table at x, y [m] and yaw [deg] of its top; a carried one takes it along."""
+        own = table.top if table.frame else table
+        pose = resting(own, self.world.scene.objects[name], x, y, np.radians(yaw), up)
+        return Placement("", *pose, table=table.full if table.frame else "")
+
+    def _tables(self) -> dict[str, Table]:
+        """Return every table as it stands now."""
+        at = self.world.at(self.q[None], self.world.scene.carried_tables)
+        return {name: at.table(name) for name in self.world.scene.tables}
 
     def _grippers(self) -> None:
         """Attach objects to grippers that close on them; what one lets go stays in another closed one or falls."""
@@ -130,7 +142,7 @@ class SimulatedWorld:
                 if not any(self.take(hand, name) for hand in empty):
                     self.put(name)
 
-    def _hand(self, name: str) -> TrackedPose:
+    def _frame(self, name: str) -> TrackedPose:
         at = self.world.at(self.q[None], [name])
         return TrackedPose(at.rotation[0, 0], at.position[0, 0], self.time)
 
@@ -141,8 +153,10 @@ class SimulatedWorld:
         for name, scene_object in self.world.scene.objects.items():
             pose = modes.pose(name, 0, kinematics, np.zeros(0))
             at = TrackedPose(pose.rotation[0], pose.position[0], 0.0)
-            local = in_hand(self._hand(scene_object.hand), at) if scene_object.hand else (at.rotation, at.position)
-            placements[name] = Placement(scene_object.hand, *local)
+            table = scene_object.on if scene_object.on in self.world.scene.carried_tables else ""
+            carrier = scene_object.hand or table
+            local = in_hand(self._frame(carrier), at) if carrier else (at.rotation, at.position)
+            placements[name] = Placement(scene_object.hand, *local, table=table)
         return placements
 
 

@@ -133,7 +133,7 @@ def _placed(scene: Scene, view: TrackedWorld, name: str, hand: str, values: dict
         raise ObjectUnavailable(f"{name} is neither in a hand nor on a table; put it back on a table")
     if not view.rests(name):
         raise ObjectUnavailable(f"{name} moves; let it come to rest")
-    x, y, yaw, up = on_table(scene.tables[table], at)
+    x, y, yaw, up = on_table(view.table(table), at)
     half = np.array(scene.tables[table].size) / 2.0
     spot = np.clip([x, y], -half, half).tolist()
     return kept | {"on": table, "at": [*spot, yaw], "up": up}

@@ -81,6 +81,7 @@ class TrackedWorld:
         self.world = world
         self.tolerances = Tolerances() if tolerances is None else tolerances
         self._past: deque[tuple[Observation, dict[str, TrackedPose]]] = deque()
+        self._tables: dict[str, Table] = {}
 
     @property
     def now(self) -> Observation:
@@ -89,8 +90,9 @@ class TrackedWorld:
 
     def add(self, observation: Observation) -> None:
         """Append an observation and drop those older than the window."""
-        hands = tuple(self.world.scene.hands)
-        at = self.world.at(observation.q[None], hands)
+        scene = self.world.scene
+        at = self.world.at(observation.q[None], (*scene.hands, *scene.carried_tables))
+        self._tables = {name: at.table(name) for name in scene.tables}
         hand_poses = {
             name: TrackedPose(at.rotation[0, number], at.position[0, number], observation.time)
             for name, number in at.index.items()
@@ -104,8 +106,17 @@ class TrackedWorld:
         return self.now.time - self._past[0][0].time > 0.6 * self.tolerances.window
 
     def hand(self, name: str) -> TrackedPose:
-        """Return the pose of a hand; its position is the grasping point."""
+        """Return the pose of a hand, its grasping point, or of a carried table, the centre of its top."""
         return self._past[-1][1][name]
+
+    def table(self, name: str) -> Table:
+        """Return a table as it stands in the world now."""
+        return self._tables[name]
+
+    def carried_under(self, object_name: str) -> str:
+        """Return the table that a robot carries with an object on it, "" if there is none or the object is lost."""
+        under = "" if self.seen(object_name) is None else self.table_under(object_name)
+        return under if under in self.world.scene.carried_tables else ""
 
     def seen(self, object_name: str) -> TrackedPose | None:
         """Return the pose of an object, None if it is lost from tracking."""
@@ -113,14 +124,29 @@ class TrackedWorld:
         return None if pose is None or self.now.time - pose.time > self.tolerances.stale else pose
 
     def mean(self, object_name: str) -> TrackedPose | None:
-        """Return the mean pose of an object over the window, None if it is lost: at rest, the mean cancels noise."""
+        """Return the mean pose of an object over the window, None if it is lost: at rest, the mean cancels noise.
+
+        On a table that a robot carries it is the last one: a mean would lag behind.
+        """
         last = self.seen(object_name)
-        if last is None:
-            return None
+        if last is None or self.carried_under(object_name):
+            return last
         seen = [at.objects[object_name] for at, _ in self._fresh(object_name)] or [last]
         left, _, right = np.linalg.svd(np.sum([one.rotation for one in seen], axis=0))
         turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
         return TrackedPose(turn, np.mean([one.position for one in seen], axis=0), last.time)
+
+    def lies(self, object_name: str) -> tuple[str, TrackedPose] | None:
+        """Return the table that a robot carries under an object, "" for none, and the mean pose of the object.
+
+        It is in the frame of that top, else in the world. None if the object is lost.
+        """
+        at, under = self.mean(object_name), self.carried_under(object_name)
+        if at is None or not under:
+            return None if at is None else ("", at)
+        top = self.hand(under)
+        position = top.rotation.T @ (at.position - top.position)
+        return under, TrackedPose(top.rotation.T @ at.rotation, position, at.time)
 
     def gap(self, hand: str, object_name: str) -> float:
         """Return the distance [m] between the grasping point of a hand and the box of a seen object, 0 inside it."""
@@ -132,12 +158,18 @@ class TrackedWorld:
         return bool(seen) and seen[-1][0].time - seen[0][0].time > 0.6 * self.tolerances.window
 
     def rests(self, object_name: str) -> bool:
-        """Return whether a watched object has not moved in the window."""
+        """Return whether a watched object has not moved in the window; on a table that a robot carries, not on it."""
+        carried = self.carried_under(object_name)
+        if carried:
+            return self.moves_with(object_name, carried)
         positions = [at.objects[object_name].position for at, _ in self._fresh(object_name)]
         return self.watched(object_name) and _spread(positions) <= self.tolerances.still
 
     def moves_with(self, object_name: str, hand: str) -> bool:
-        """Return whether a watched object has not moved in the frame of a hand in the window, both at rest included."""
+        """Return whether a watched object has not moved in the frame of a hand in the window, both at rest included.
+
+        A table that a robot carries stands for a hand.
+        """
         positions = [
             hands[hand].rotation.T @ (at.objects[object_name].position - hands[hand].position)
             for at, hands in self._fresh(object_name)
@@ -156,7 +188,7 @@ class TrackedWorld:
         """Return the full name of the table that a seen object lies on, "" if there is none."""
         scene, pose = self.world.scene, self.now.objects[object_name]
         low = pose.position[2] - half_height(scene.objects[object_name], pose.rotation)
-        for name, table in scene.tables.items():
+        for name, table in self._tables.items():
             if on_top(table, pose.position) and abs(low - table.height) <= self.tolerances.level:
                 return name
         return ""

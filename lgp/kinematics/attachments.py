@@ -73,7 +73,7 @@ class Attachment:
         names: of its m variables; `lower` and `upper` are their bounds [m, rad].
         variables: their slice of z.
         fit: (kinematics, rotation (3, 3), position (3,), slice) -> variables (m,) of the nearest pose.
-        base: rotation (3, 3) and position (3,) of a table, None for a hand.
+        base: rotation (3, 3) and position (3,) of a table that stands, None for what moves: a hand, a carried table.
         facing: (3, 3).
         turns, offset_by, arm_by: (3, m); `offset` and `arm` are (3,) [m].
         grip: whether its slopes change with its variables.
@@ -144,7 +144,9 @@ def resting(
 def fixed_on(table: Table, scene_object: SceneObject) -> Attachment:
     """Return the attachment to the table that an object is on initially, without variables."""
     x, y, yaw = scene_object.at
-    base = resting(table, scene_object, x, y, np.radians(yaw), scene_object.up)
+    base = resting(table.top if table.frame else table, scene_object, x, y, np.radians(yaw), scene_object.up)
+    if table.frame:
+        return _without_variables(table.full, None, *base)
     return _without_variables(table.full, base, IDENTITY, np.zeros(3))
 
 
@@ -172,9 +174,13 @@ def placed(table: Table, scene_object: SceneObject, first_variable: int) -> Atta
     lower, upper = np.array([*-reach, -2.0 * np.pi]), np.array([*reach, 2.0 * np.pi])
     top, centre = rotation_about_z(np.radians(table.yaw)), np.array([*table.position, table.height])
 
-    def fit(kinematics: Kinematics, rotation: Array, position: Array, _: int) -> Array:
-        x, y, _ = top.T @ (position - centre)
-        forward = top.T @ rotation[:, 0]
+    def fit(kinematics: Kinematics, rotation: Array, position: Array, slice_: int) -> Array:
+        at, middle = top, centre
+        if table.frame:
+            place = kinematics.placement(table.full)
+            at, middle = place.rotation[slice_], place.position[slice_]
+        x, y, _ = at.T @ (position - middle)
+        forward = at.T @ rotation[:, 0]
         return np.clip([x, y, np.arctan2(forward[1], forward[0])], lower, upper)
 
     return Attachment(
@@ -184,7 +190,7 @@ def placed(table: Table, scene_object: SceneObject, first_variable: int) -> Atta
         upper=upper,
         variables=slice(first_variable, first_variable + 3),
         fit=fit,
-        base=(top, centre),
+        base=None if table.frame else (top, centre),
         facing=IDENTITY,
         turns=np.diag([0.0, 0.0, 1.0]),
         offset=np.array([0.0, 0.0, scene_object.size[2] / 2.0]),
@@ -294,7 +300,7 @@ class ScrewConstraint:
         """Return the rows of `assembly_error` to constrain: `PLANAR_ROWS` where the others are always 0, else all."""
         error = self.assembly_error(kinematics, np.zeros(self.size))
         others = [row for row in range(6) if row not in PLANAR_ROWS]
-        level = not error.jacobian[:, others].any() and np.abs(error.value[:, others]).max() < LEVEL
+        level = max(np.abs(part[:, others]).max() for part in (error.jacobian, error.value)) < LEVEL
         return PLANAR_ROWS if level else tuple(range(6))
 
     def tool_error(self, kinematics: Kinematics, z: Array) -> Feature:

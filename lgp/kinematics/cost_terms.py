@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from lgp.errors import LgpError, WorldError
+from lgp.extensions import ask
 from lgp.kinematics.features import Feature, FullPose, rotation_about_z
 from lgp.kinematics.world import World
 from lgp.scene.model import Scene
@@ -45,7 +46,7 @@ class ConfigurationMoment:
         """
         if name in self.scene.objects:
             raise WorldError(f"a cost term asks for the object {name!r}, expected a hand, a table or a frame")
-        if name in self.scene.tables:
+        if name in self.scene.tables and name not in self.scene.carried_tables:
             table = self.scene.tables[name]
             top = np.broadcast_to(rotation_about_z(np.radians(table.yaw)), (len(self.q), 3, 3))
             middle = np.tile([*table.position, table.height], (len(self.q), 1))
@@ -141,7 +142,7 @@ class CostTerms:
         moved, asked = np.zeros(world.nq, dtype=bool), set[str]()
         for name in self.weights:
             moment = ConfigurationMoment(world, first)
-            _check(name, _registered[name](moment), 2, world.nq)
+            _asked(name, moment, 2)
             asked |= set(moment.asked)
         for name in asked:
             moved |= np.arange(world.nq) == world.column[name] if name in world.column else world.support(name) > 0.0
@@ -159,12 +160,16 @@ class CostTerms:
         value, gradient = np.zeros(len(q)), np.zeros((len(q), len(self.columns)))
         hessian = np.zeros((len(q), len(self.columns), len(self.columns)))
         for name, weight in self.weights.items():
-            term = _check(name, _registered[name](ConfigurationMoment(self.world, q)), len(q), self.world.nq)
+            term = _asked(name, ConfigurationMoment(self.world, q), len(q))
             factor = term.factor[:, :, self.columns]
             value += weight * term.value
             gradient += weight * term.gradient[:, self.columns]
             hessian += weight * (np.swapaxes(factor, 1, 2) @ factor)
         return value, gradient, hessian
+
+
+def _asked(name: str, moment: ConfigurationMoment, count: int) -> TermValues:
+    return _check(name, ask(f"cost term {name!r}", _registered[name], moment), count, moment.world.nq)
 
 
 def _check(name: str, values: object, count: int, nq: int) -> TermValues:

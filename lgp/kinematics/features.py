@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lgp.errors import WorldError
 from reba.arrays import Array
 
 
@@ -73,7 +74,14 @@ def stack(*features: Feature) -> Feature:
 
 
 def offset(place: Placement, by: Sequence[float], turn: Array | None = None) -> FullPose:
-    """Return the placement of a point fixed to a frame: (3,) [m] in its axes, turned by a rotation (3, 3)."""
+    """Return the placement of a point fixed to a frame: (3,) [m] in its axes, turned by a rotation (3, 3).
+
+    Raises:
+        WorldError: `by` or `turn` has another shape.
+    """
+    for name, given, shape in (("by", by, (3,)), ("turn", np.eye(3) if turn is None else turn, (3, 3))):
+        if np.shape(given) != shape:
+            raise WorldError(f"offset: {name} has shape {np.shape(given)}, expected {shape}, of a point or a rotation")
     arm = place.rotation @ np.asarray(by, dtype=float)
     jacobian = place.jacobian.copy()
     jacobian[:, :3] += cross(place.jacobian[:, 3:], arm)

@@ -146,9 +146,16 @@ class ModeSequence:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """Frames whose placements the poses need: hands that take part, and those that have an object initially."""
-        first = [item.hand for item in self.world.scene.objects.values() if item.hand]
-        return tuple(dict.fromkeys([*(hand for switch in self.switches for hand in switch.hands), *first]))
+        """Frames whose placements the poses need: hands that take part, and what moves that has an object."""
+        have = [one.parent for each in self._attachments.values() for one in each if one.base is None]
+        return tuple(dict.fromkeys([*(hand for switch in self.switches for hand in switch.hands), *have]))
+
+    def acting(self, number: int) -> tuple[str, ...]:
+        """Return the frames that meet in a switch: hands that take part, and carried tables that its objects are on."""
+        switch, carried = self.switches[number], self.world.scene.carried_tables
+        parts = [part for part in (switch.object_name, switch.other) if part]
+        on = [self.attachment(part, phase).parent for part in parts for phase in (number, number + 1)]
+        return tuple(dict.fromkeys([*switch.hands, *(name for name in (*on, switch.table) if name in carried)]))
 
     @property
     def holding_intervals(self) -> tuple[tuple[str, int, int], ...]:

@@ -114,7 +114,8 @@ def transport_reachability(
         if hand.human:
             continue
         attachment = fixed_on(world.scene.tables[item.on], item)
-        source = attachment.pose(world.at(world.initial_configuration[None], []), np.zeros(0)).position[0]
+        at = world.at(world.initial_configuration[None], world.scene.carried_tables)
+        source = attachment.pose(at, np.zeros(0)).position[0]
         miss = _transport(world, hand, source, points, attempts)
         parts.append(targets.assign(hand=hand.full, miss=miss, reached=miss < CLOSE))
     return pd.concat(parts, ignore_index=True)
@@ -205,6 +206,8 @@ def _targets(world: World, heights: Sequence[float], spots: int) -> pd.DataFrame
     side = np.linspace(-1.0, 1.0, spots)
     margin = min((min(item.size[:2]) / 2.0 for item in world.scene.objects.values()), default=0.0)
     for name, table in world.scene.tables.items():
+        if table.frame:
+            continue  # where it is depends on the robot that carries it
         yaw = np.radians(table.yaw)
         for height in heights if table.heights[1] > table.heights[0] else [table.height]:
             for u in side * (table.size[0] / 2.0 - margin):

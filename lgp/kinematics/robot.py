@@ -80,13 +80,20 @@ def urdf_of(model: str, packages: tuple[str, ...] = ()) -> Path:
     if model not in known and path.suffix != ".urdf":
         hint = did_you_mean(model, known)
         raise WorldError(f"robot model is {model!r}, expected {', '.join(known)} or the path of a .urdf file{hint}")
+    if path.is_absolute() or model.startswith("."):
+        raise WorldError(
+            f"robot model is {model!r}, but there is no such file; give its path from the folder of the scene"
+        )
     inside = known[model]["urdf"] if model in known else model
     try:
         path = Path(str(metadata.distribution(PACKAGE).locate_file(f"{FOLDER}/{inside}")))
     except metadata.PackageNotFoundError as error:
         raise missing(PACKAGE, f"robot {model!r}") from error
     if not os.path.isfile(path):
-        raise WorldError(f"{PACKAGE} {metadata.version(PACKAGE)} has no {inside}; give the path of a .urdf file")
+        raise WorldError(
+            f"robot model is {model!r}, but there is no such file, and {PACKAGE} {metadata.version(PACKAGE)} has no "
+            f"{inside}; give the path of a .urdf file from the folder of the scene"
+        )
     return path
 
 

@@ -17,12 +17,13 @@ import pinocchio as pin
 
 from lgp.errors import WorldError
 from lgp.kinematics import human
+from lgp.kinematics.carried_tables import add_carried_tables
 from lgp.kinematics.features import cross, rotation_about_z
 from lgp.kinematics.leg_ik import rest_posture
 from lgp.kinematics.planar_joints import BASE
 from lgp.kinematics.robot import Coupling, JointedModel, locked_model, robot_model
 from lgp.scene.joint_units import JointUnit, unit_of
-from lgp.scene.model import SCENE, Agent, Human, Robot, Scene
+from lgp.scene.model import SCENE, Agent, Human, Robot, Scene, Table
 from reba.arrays import Array, Indices
 from reba.checks import accepts
 from reba.errors import did_you_mean
@@ -81,6 +82,15 @@ class Kinematics:
             self._placements[name] = FramePlacement(self.rotation[:, number], position, jacobian)
         return self._placements[name]
 
+    def table(self, name: str, row: int = 0) -> Table:
+        """Return a table as it stands in the world in one slice, where the robot that carries it is then."""
+        table = self.world.scene.tables[name]
+        if not table.frame:
+            return table
+        at = self.index[name]
+        (x, y, height), turn = self.position[row, at].tolist(), self.rotation[row, at]
+        return replace(table, position=(x, y), yaw=float(np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))), height=height)
+
     def point_jacobian(self, name: str, points: Array) -> Array:
         """Return the Jacobian (n, 6, nq) of points (n, 3) fixed to a frame, given in world axes."""
         jacobian = self.model_spatial * self.world.model_support(name)
@@ -135,10 +145,11 @@ class World:
         self.lower, self.upper = self._limits()
         self.initial_values = values
         self.initial_configuration = self._initial_configuration()
-        self._data = self.model.createData()
         self._support: dict[str, Array] = {}
         self.robot_shapes: dict[str, Any] = {}
         self._add_hands()
+        add_carried_tables(self.model, scene, self.model_configuration(self.initial_configuration))
+        self._data = self.model.createData()
         self.planted = self._planted()
 
     @property
@@ -168,7 +179,7 @@ class World:
         return weights
 
     def with_scene(self, scene: Scene) -> World:
-        """Return this world with other tables and objects, sharing the kinematic model.
+        """Return this world with other tables and objects, sharing the kinematic model if robots carry the same ones.
 
         Raises:
             WorldError: the scene has other agents.
@@ -176,6 +187,8 @@ class World:
         if scene.agents != self.scene.agents:
             names = ", ".join(agent.name for agent in scene.agents)
             raise WorldError(f"agents {names} differ, expected other tables and objects only; build a new World")
+        if scene.carried_tables != self.scene.carried_tables:
+            return World(scene)
         other = object.__new__(World)
         other.__dict__ = {**self.__dict__, "scene": scene}
         return other
@@ -311,10 +324,17 @@ class World:
         for full, hand in self.scene.hands.items():
             if self.model.existFrame(full):
                 continue
+            if not self.model.existFrame(f"{hand.agent}.{hand.frame}"):
+                own = [
+                    frame.name.partition(".")[2]
+                    for frame in self.model.frames
+                    if frame.name.startswith(f"{hand.agent}.")
+                ]
+                hint = did_you_mean(hand.frame.removeprefix(f"{hand.agent}."), own)
+                raise WorldError(f"{full}: frame is {hand.frame!r}, expected a link or joint of {hand.agent}{hint}")
             base = self.model.frames[self.frame_id(f"{hand.agent}.{hand.frame}")]
             offset = base.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, hand.reach]))
             self.model.addFrame(pin.Frame(full, base.parentJoint, offset, pin.FrameType.OP_FRAME))
-        self._data = self.model.createData()
 
     def _planted(self) -> Mapping[str, tuple[Array, Array]]:
         people = [name for name, person in self.scene.humans.items() if person.legs == "planted"]

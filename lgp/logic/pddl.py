@@ -113,7 +113,7 @@ def load_domain(which: str | Path) -> PddlDomain:
     if not os.path.isfile(path):
         names = shipped_domains()
         raise LogicError(
-            f"domain is {str(which)!r}, expected {', '.join(names)} or the path of a PDDL file"
+            f"domain is {str(which)!r}, expected {', '.join(names)} or the path of a PDDL file that is there"
             f"{did_you_mean(str(which), names)}"
         )
     try:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lgp.motion import Motion
-from lgp.scene.model import Human, Scene, SceneObject
+from lgp.scene.model import Human, Scene, SceneObject, Table
 from reba.arrays import Array
 
 ANGLE = 30.0
@@ -178,7 +178,8 @@ def shots_of(
         points = [part[::steps, at, :3, 3] for at in taking]
         points += [_corners(part[::steps, frames[name], :3, 3], PERSON_MARGIN) for name in names]
         keypoints = [_keypoints(scene.objects[name], part[-1, frames[name]]) for name in names]
-        points += [_tops(scene, switch.table) for switch in switches if switch.table]
+        tops = [(scene.tables[switch.table], frames.get(switch.table)) for switch in switches if switch.table]
+        points += [_top(table) if at is None else _top(table.top) + part[-1, at, :3, 3] for table, at in tops]
         visible = np.concatenate([*points, _people(scene)])
         subjects.append(Subject(visible, np.concatenate(keypoints), solid[number + 1]))
     return shots(subjects, ahead(scene))
@@ -207,9 +208,8 @@ def _corners(points: Array, half: float) -> Array:
     return np.asarray((points[:, None] + signs).reshape(-1, 3))
 
 
-def _tops(scene: Scene, name: str) -> Array:
-    """Return the corners of a table top (4, 3)."""
-    table = scene.tables[name]
+def _top(table: Table) -> Array:
+    """Return the corners of a square around the top of a table (4, 3)."""
     half = max(table.size) / 2.0
     x, y = table.position
     return np.array([[x + a, y + b, table.height] for a in (-half, half) for b in (-half, half)])

@@ -174,11 +174,13 @@ def shapes() -> dict[str, Any]:
 
 
 def table_mesh(table: Table) -> Mesh:
-    """Return a table: its top on four legs, or a small one on a pillar with a foot."""
+    """Return a table: its top on four legs, a small one on a pillar with a foot, of one on a robot the top alone."""
     look = shapes()["table"]
     length, width = table.size
-    middle = table.height - table.thickness / 2.0
+    middle = (0.0 if table.frame else table.height) - table.thickness / 2.0
     bodies = [_box((length, width, table.thickness), (0.0, 0.0, middle), look["top"])]
+    if table.frame:
+        return joined(bodies)
     leg, bottom = look["leg"], table.height - table.thickness
     if max(table.size) < look["pillar"]:
         bodies.append(_box((2 * leg, 2 * leg, bottom), (0.0, 0.0, bottom / 2.0), look["legs"]))

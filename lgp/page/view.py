@@ -122,8 +122,11 @@ class _Stage:
 
     def tables(self) -> None:
         for name, table in self.scene.tables.items():
-            place = _standing((*table.position, 0.0), table.yaw)
-            self.bodies.append(MeshInstance(self.mesh(name, table_mesh(table)), None, place))
+            frame, place = None, _standing((*table.position, 0.0), table.yaw)
+            if table.frame:
+                top = self.motion.frames([name])[name]
+                frame, place = self.frame(name, _matrices(top.rotation, top.position)), np.eye(4)
+            self.bodies.append(MeshInstance(self.mesh(name, table_mesh(table)), frame, place))
         for name, body in fixed_bodies(self.scene).items():
             place = np.eye(4)
             place[:3, :3], place[:3, 3] = exponential(np.radians(np.array(body.rotation))), body.position

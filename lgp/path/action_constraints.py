@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lgp.errors import LgpError, WorldError
+from lgp.extensions import ask
 from lgp.kinematics.actions import ActionConstraint
 from lgp.kinematics.features import Feature, FullPose, rotation_about_z
 from lgp.kinematics.modes import ModeSequence
@@ -69,7 +70,7 @@ class PlannedMoment:
         """Return the placements of a hand, an object, a table or a frame."""
         self.asked.append(name)
         count, size = len(self.q), self.modes.size
-        if name in self.scene.tables:
+        if name in self.scene.tables and name not in self.scene.carried_tables:
             table = self.scene.tables[name]
             top = np.broadcast_to(rotation_about_z(np.radians(table.yaw)), (count, 3, 3))
             middle = np.broadcast_to(np.array([*table.position, table.height]), (count, 3))
@@ -126,7 +127,7 @@ class _Block:
     def evaluate(self, modes: ModeSequence, q: Array, z: Array) -> Feature:
         """Return its values (n, m) and Jacobian (n, m, p + v) in n configurations."""
         moment = PlannedMoment(modes, self.number, self.switched, q, z, self.frames)
-        feature = self.constraint.feature(moment)
+        feature = _asked(modes, self.number, self.constraint, moment)
         if not self.asked.issuperset(moment.asked):
             raise _wrong(modes, self.number, self.constraint, "asks for other frames than at first", "the same ones")
         nq = q.shape[1]
@@ -147,6 +148,12 @@ class _Block:
         every = np.concatenate([slopes[:own], np.reshape(by_variable, (-1, *slopes.shape[1:]))])
         hessian = np.einsum("nm,snmc->nsc", weights, (every - slopes[own]) / STEP)
         return np.asarray(0.5 * (hessian + np.swapaxes(hessian, 1, 2)))
+
+
+def _asked(modes: ModeSequence, number: int, constraint: ActionConstraint, moment: PlannedMoment) -> Feature:
+    what = f"action {modes.switches[number].kind!r}: its constraint {constraint.says!r}"
+    feature: Feature = ask(what, constraint.feature, moment)
+    return feature
 
 
 def _wrong(modes: ModeSequence, number: int, constraint: ActionConstraint, given: str, expected: str) -> LgpError:
@@ -262,7 +269,7 @@ def _block(modes: ModeSequence, number: int, switched: int, constraint: ActionCo
     world = modes.world
     middle = np.clip(np.zeros(modes.size), modes.lower, modes.upper)
     moment = PlannedMoment(modes, number, switched, np.tile(world.initial_configuration, (2, 1)), middle)
-    feature = constraint.feature(moment)
+    feature = _asked(modes, number, constraint, moment)
     if not isinstance(feature, Feature):
         raise _wrong(modes, number, constraint, f"returns a {type(feature).__name__}", "a Feature")
     rows = feature.value.shape[1] if feature.value.ndim == 2 else 0

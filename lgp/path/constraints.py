@@ -260,10 +260,10 @@ def equal_joint_constraints(
             first = int(phases.keyframes[number])
             last = first + draw_back_slices(phases.seconds, phases.slices)
             _stand(joints, taker, range(first, min(last + 1, horizon)), unknown)
-    for hand, number, end in modes.holding_intervals:
+    for _, number, end in modes.holding_intervals:
         if number not in limbs:
             continue
-        standing = np.flatnonzero(world.support(hand)).tolist()
+        standing = np.flatnonzero(np.max([world.support(name) for name in modes.acting(number)], axis=0)).tolist()
         first = int(phases.keyframes[number])
         _stand(joints, standing, range(first, min(int(phases.keyframes[end]) + 1, horizon)), unknown)
     for place in _standing_places(world):

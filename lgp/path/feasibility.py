@@ -245,8 +245,8 @@ class ReachCheck:
         for earlier in phases.switches[:number] if grasped else ():
             if earlier.object_name == switch.object_name:
                 table, moved = earlier.table, True
-        if table not in scene.tables:
-            return ""
+        if table not in scene.tables or scene.tables[table].frame:
+            return ""  # one that a robot carries may come
         area = _object_area(scene.tables[table], part, moved)
         grip = part.grip(scene.hands[switch.hand].kind)
         missing = self._bound(switch.hand).distance_beyond(area) - grip.slide - float(np.linalg.norm(grip.at))

@@ -104,8 +104,8 @@ class ModeConstraints:
         }
 
     def limb(self, number: int) -> Indices:
-        """Return the columns of q that move the hands of a switch, and what its own constraints are about."""
-        support = [self.world.support(hand) for hand in self.phases.switches[number].hands]
+        """Return the columns of q that move what meets in a switch, and what its own constraints are about."""
+        support = [self.world.support(name) for name in self.modes.acting(number)]
         return np.union1d(np.flatnonzero(np.max(support, axis=0)), self._more[number])
 
     @cached_property
@@ -207,12 +207,11 @@ class ModeConstraints:
         return kinematics.rows(slice(list(self.at).index(number), None, len(self.at)))
 
     def _frames_of(self, number: int) -> tuple[str, ...]:
-        """Return the hands that take part, and those that the objects are attached to."""
+        """Return the hands that take part, and what moves that has the objects."""
         switch = self.phases.switches[number]
-        parents = {self.modes.attachment(part, number).parent for part in (switch.object_name, switch.other) if part}
-        return tuple(
-            dict.fromkeys([*switch.hands, *(name for name in sorted(parents) if name in self.world.scene.hands)])
-        )
+        have = [self.modes.attachment(part, number) for part in (switch.object_name, switch.other) if part]
+        parents = sorted(one.parent for one in have if one.base is None)
+        return tuple(dict.fromkeys([*self.modes.acting(number), *parents]))
 
     def _screw(self, number: int, kinematics: Kinematics, z: Array) -> list[Feature]:
         screw, rows = self._screws[number], list(self._joined[number])

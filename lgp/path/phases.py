@@ -150,7 +150,12 @@ def switch_of(action: Action) -> KinematicSwitch:
         LgpError: no geometry is known for its name or number of arguments.
     """
     kind = kind_of(action.name)
-    if kind is None or len(kind.roles) != len(action.arguments):
+    if kind is not None and len(kind.roles) != len(action.arguments):
+        raise LgpError(
+            f"action {action} has {len(action.arguments)} arguments, expected {action.name}({kind.signature}), as its "
+            "geometry says; give its PDDL action these parameters in this order, or another name and its own record"
+        )
+    if kind is None:
         known = "; ".join(f"{name}({one.signature})" for name, one in registered_actions().items())
         raise LgpError(
             f"action {action} has no geometry; expected one of {known}; register yours with "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from lgp.errors import SceneError
 from lgp.logic.task import parse_atom
-from lgp.scene.footing import LEAST_SHARE, first_share
+from lgp.scene.footing import LEAST_SHARE, first_share, footprint
 from lgp.scene.model import Scene
 
 
@@ -55,8 +55,10 @@ def check_first_facts(scene: Scene) -> None:
             )
         share = first_share(scene.tables[item.on], item)
         if share < LEAST_SHARE:
+            foot = " x ".join(f"{2.0 * half:g}" for half in footprint(item, item.up))
             raise SceneError(
-                f"{where} has {share:.0%} of its footprint on {item.on}, expected {LEAST_SHARE:.0%} or more; move it"
+                f"{where} of {foot} m has {share:.0%} of its footprint on {item.on}, expected {LEAST_SHARE:.0%} or "
+                "more; move it, or correct its size"
             )
         if name in placed and item.on not in placed[name]:
             raise SceneError(

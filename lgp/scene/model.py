@@ -126,7 +126,8 @@ class Table:
     """A table: centre of its top (x, y) [m], yaw [deg], size, height and thickness of the top [m].
 
     An experiment draws the height from the range `heights`, which is (height, height) for a fixed one. Above the top
-    `clearance` [m] are free; what bounds them is another table, or a board of its own where it is `covered`.
+    `clearance` [m] are free; what bounds them is another table, or a board of its own where it is `covered`. If a robot
+    carries it, position, yaw and height are in the axes of `frame`, a link or joint such as `cart.deck`.
     """
 
     name: str
@@ -138,11 +139,17 @@ class Table:
     thickness: float
     clearance: float = math.inf
     covered: bool = False
+    frame: str = ""
 
     @property
     def full(self) -> str:
         """The name in plans: `table.left`."""
         return f"table.{self.name}"
+
+    @property
+    def top(self) -> Table:
+        """The table in the axes of its top, whose centre is the origin."""
+        return replace(self, position=(0.0, 0.0), yaw=0.0, height=0.0)
 
 
 @dataclass(frozen=True)
@@ -220,8 +227,7 @@ class Assembly:
 
     Attributes:
         position, yaw: of the second object [m, deg].
-        screw: position of the screw head [m].
-        along: direction of the screw (unit vector).
+        screw, along: position of the screw head [m] and direction of the screw (unit vector).
         tool: distance from the hand to the screw head, along the fingers of a human hand, z of other hands [m].
     """
 
@@ -244,13 +250,10 @@ class FreeParameter:
 HAND_CLEARANCE = 0.06
 """[m] Distance of the grip points of two hands by default (a choice: a palm and a gripper beside each other)."""
 
-
 _HEIGHTS = Allowed(
     "a mapping of tables to heights [m]",
     lambda given: (
-        isinstance(given, Mapping)
-        and all(isinstance(name, str) for name in given)
-        and all(map(is_finite, given.values()))
+        isinstance(given, Mapping) and all(isinstance(name, str) and is_finite(at) for name, at in given.items())
     ),
 )
 _TIME_WEIGHT = Allowed("a number from 0 to 1000", lambda given: is_finite(given) and 0 <= given <= 1000)
@@ -275,19 +278,15 @@ class Scene:
     """A scene.
 
     Attributes:
-        name: short name.
-        title: one line.
-        domain: name or path of the PDDL domain.
-        initial: atoms of the initial state, as text.
-        goal: atoms of the goal, as text; with "not" before it, an atom has to be false.
+        name, title: a short name and one line.
+        domain: of PDDL, its name or path.
+        initial, goal: atoms of the initial state and the goal, as text; with "not" before it, one has to be false.
         phase_seconds: duration of each phase [s], or the first guess of it.
         durations: "fixed", "stretched" where a joint would be too fast, or "free" where they are unknowns of a plan.
         concurrent: whether independent actions of different agents may happen at the same time.
         slices: slices per phase of a path.
-        humans: persons by name; that of `[human]` is "human".
-        robots: robots by name.
-        tables: tables by full name.
-        objects: by name.
+        humans, robots: by name; the person of `[human]` is "human".
+        tables, objects: by full name, by name.
         assemblies: objects that can be screwed together.
         depth: longest sequence of actions of a search.
         hand_clearance: least distance of the grip points of two hands [m].
@@ -344,6 +343,11 @@ class Scene:
         return self.cost.model if isinstance(given, str) and given == SCENE_COST else given
 
     @property
+    def carried_tables(self) -> dict[str, Table]:
+        """The tables that robots carry, by full name."""
+        return {name: table for name, table in self.tables.items() if table.frame}
+
+    @property
     def object_types(self) -> dict[str, str]:
         """Name of every end-effector, table and object -> its type in the PDDL domain."""
         return (
@@ -368,7 +372,7 @@ class Scene:
             if full not in tables:
                 hint = did_you_mean(full, tables) or f"; known are {', '.join(tables)}"
                 raise SceneError(f"{self.name}: no table {name!r}{hint}")
-            if not 0.0 < height < 3.0:
+            if not (-3.0 if tables[full].frame else 0.0) < height < 3.0:
                 raise SceneError(f"{self.name}: height of {full} is {height:g} m, expected 0 to 3 m")
             tables[full] = replace(tables[full], height=float(height))
         written = dict(self.values.get("tables", {}))
@@ -388,12 +392,8 @@ class Scene:
     @accepts(SceneError, rng=has("a random generator of NumPy", "uniform"))
     def draw_heights(self, rng: np.random.Generator) -> Scene:
         """Return the scene with every table height drawn uniformly from its range."""
-        drawn = {
-            name: float(rng.uniform(*table.heights))
-            for name, table in self.tables.items()
-            if table.heights[1] > table.heights[0]
-        }
-        return self.with_heights(drawn)
+        drawn = {name: one.heights for name, one in self.tables.items() if one.heights[1] > one.heights[0]}
+        return self.with_heights({name: float(rng.uniform(*heights)) for name, heights in drawn.items()})
 
 
 SCENE: Final = instance("a scene, such as lgp.load_scene returns", Scene)

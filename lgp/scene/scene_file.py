@@ -260,12 +260,16 @@ def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -
 
 
 def _table(name: str, entries: TomlTable) -> Table:
+    frame = entries.text("frame", "")
+    least = -3.0 if frame else 0.01
     if isinstance(entries.values.get("height"), list):
-        low, high = entries.vector("height", 2, low=0.01, high=3.0)
+        low, high = entries.vector("height", 2, low=least, high=3.0)
         if high < low:
             raise SceneError(f"{entries.where}: height is [{low:g}, {high:g}], expected [lowest, highest]")
     else:
-        low = high = entries.number("height", low=0.01, high=3.0)
+        low = high = entries.number("height", low=least, high=3.0)
+    if frame and entries.has("clearance"):
+        raise SceneError(f"{entries.where}: gives frame and clearance, expected one of them; a robot carries no cover")
     table = Table(
         name=name,
         position=entries.vector("position", 2, None, -FARTHEST, FARTHEST),
@@ -276,6 +280,7 @@ def _table(name: str, entries: TomlTable) -> Table:
         thickness=entries.number("thickness", 0.03, low=0.001, high=3.0),
         clearance=entries.number("clearance", low=0.01, high=3.0) if entries.has("clearance") else math.inf,
         covered=entries.has("clearance"),
+        frame=frame,
     )
     entries.done()
     return table
@@ -359,12 +364,24 @@ def _check_names(scene: Scene) -> None:
     known = scene.object_types
     if not scene.agents:
         raise SceneError(f"{scene.name}: no agent, expected [human], [humans.NAME] or [robots.NAME]; add one of them")
+    for table in scene.tables.values():
+        robot, _, link = table.frame.partition(".")
+        if table.frame and not (link and robot in scene.robots):
+            hint = did_you_mean(robot, scene.robots) or "; expected ROBOT.LINK, a link or joint of one of its robots"
+            raise SceneError(f"{scene.name}: tables.{table.name} is on {table.frame!r}, which is of no robot{hint}")
     for scene_object in scene.objects.values():
         if scene_object.hand and scene_object.hand not in scene.hands:
             hint = did_you_mean(scene_object.hand, scene.hands) or f"; known are {', '.join(scene.hands)}"
             raise SceneError(
                 f"{scene.name}: objects.{scene_object.name} is in unknown hand {scene_object.hand!r}{hint}"
             )
+        kinds = {"human_hand", "robot_hand", *(hand.kind for hand in scene.hands.values())}
+        for kind in scene_object.grips:
+            near = "" if kind in kinds else did_you_mean(kind, sorted(kinds))
+            if near:
+                raise SceneError(
+                    f"{scene.name}: objects.{scene_object.name} has grips of no kind of hand {kind!r}{near}"
+                )
     for text in (*scene.initial, *scene.goal):
         _, _, inside = text.partition("(")  # of a goal that begins with "not " too
         for word in (part.strip() for part in inside.rstrip(") ").split(",")):

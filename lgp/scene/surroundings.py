@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Final
+from typing import Any, Final
 
 from lgp.errors import SceneError
 from lgp.scene.model import Obstacle, Scene, Table
@@ -39,7 +39,8 @@ def read_obstacle(name: str, entries: TomlTable) -> Obstacle:
         file = entries.text("mesh")
         size = entries.vector("scale", 3, (1.0, 1.0, 1.0), 1e-6, 1e6)
         if not file.lower().endswith(ENDINGS) or not os.path.isfile(file):
-            raise SceneError(f"{entries.where}: mesh is {file!r}, expected the path of a file {', '.join(ENDINGS)}")
+            what = "a file" if os.path.isfile(file) else "a file that is there"
+            raise SceneError(f"{entries.where}: mesh is {file!r}, expected the path of {what}, {', '.join(ENDINGS)}")
     obstacle = Obstacle(
         name=name,
         shape=forms[0],
@@ -119,6 +120,40 @@ def fixed_bodies(scene: Scene) -> dict[str, Obstacle]:
         if table.covered
     }
     return {**scene.obstacles, **covers}
+
+
+def standing(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return where everything stands, as plain data: `tables` and `obstacles` by full name, boards of shelves included.
+
+    For readers of a saved plan that do not know shelves and covers. `clearance` is None where nothing is above a table.
+
+    >>> from lgp.scene.scene_file import load_scene
+    >>> standing(load_scene("screwdriver"))["tables"]["table.start"]["size"]
+    [0.3, 0.3]
+    """
+    tables = {
+        name: {
+            "position": list(table.position),
+            "yaw": table.yaw,
+            "size": list(table.size),
+            "height": table.height,
+            "thickness": table.thickness,
+            "clearance": table.clearance if math.isfinite(table.clearance) else None,
+            "frame": table.frame,
+        }
+        for name, table in scene.tables.items()
+    }
+    obstacles = {
+        name: {
+            "shape": body.shape,
+            "position": list(body.position),
+            "rotation": list(body.rotation),
+            "size": list(body.size),
+            "file": body.file,
+        }
+        for name, body in fixed_bodies(scene).items()
+    }
+    return {"tables": tables, "obstacles": obstacles}
 
 
 def _beside(

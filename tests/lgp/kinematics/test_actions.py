@@ -62,6 +62,12 @@ def test_ones_own_action_may_be_registered_again_and_has_arguments_by_role() -> 
     says(error, "stir(arm.tcp, spoon)", "grasp(hand, object)", "register_action")
 
 
+def test_a_shipped_name_with_other_parameters_is_told_which_it_has() -> None:
+    with pytest.raises(lgp.LgpError) as error:
+        switch_of(Action("grasp", ("arm.tcp", "box", "table.a"), 0, 0, 0, 0))
+    says(error, "grasp(arm.tcp, box, table.a) has 3 arguments", "expected grasp(hand, object)", "another name")
+
+
 def test_an_action_without_sentences_is_named() -> None:
     with registered("look-at", lgp.ActionKind(ROLES)):
         assert sentences_of("look-at").human == "look at {object} with your {hand}."

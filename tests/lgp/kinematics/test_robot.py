@@ -34,6 +34,14 @@ def test_unknown_robots_are_refused() -> None:
     says(error, "did you mean 'baxter'")
 
 
+@pytest.mark.parametrize("model", ["../robots/arm.urdf", "/cells/arm.urdf"])
+def test_a_path_that_leads_nowhere_is_no_matter_of_packages(model: str) -> None:
+    with pytest.raises(WorldError) as error:
+        robot.urdf_of(model)
+    says(error, repr(model), "no such file", "folder of the scene")
+    assert "example-robot-data" not in str(error.value)
+
+
 @needs_robots
 def test_wrong_locked_joints_are_refused() -> None:
     with pytest.raises(WorldError) as error:

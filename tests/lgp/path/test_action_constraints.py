@@ -121,6 +121,11 @@ def test_the_reason_names_the_constraint(tmp_path: Path) -> None:
         (lambda at: Feature(np.zeros((2, 1)), np.zeros((2, 1, 3))), ("Jacobian (2, 1, 3)", "(2, m, 4)")),
         (lambda at: features.position(at["table"]), ("no role 'table'", "hand, object")),
         (lambda at: features.position(at.place("gantry.tipp")), ("no frame 'gantry.tipp'", "gantry.tip")),
+        (lambda at: features.axis(at["hand"], 5), ("'it holds'", "fails", "test_action_constraints.py", "IndexError")),
+        (
+            lambda at: features.position(features.offset(at["hand"], (0.0, 0.1, 0.0), (0.0, 0.0, 0.0))),  # type: ignore[arg-type]
+            ("turn has shape (3,)", "(3, 3)"),
+        ),
     ],
 )
 def test_wrong_constraints_are_told_in_one_line(tmp_path: Path, feature: Any, facts: tuple[str, ...]) -> None:

@@ -71,7 +71,7 @@ def test_a_table_that_is_too_narrow_is_named(tmp_path: Path) -> None:
 def test_an_object_that_would_fall_at_first_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError) as caught:
         lgp.plan(_at_a_corner(tmp_path), cost=None)
-    says(caught.value, "objects.box", "% of its footprint on table.a", "move it")
+    says(caught.value, "objects.box", "% of its footprint on table.a", "move it", "size")
 
 
 def _at_a_corner(folder: Path) -> Scene:

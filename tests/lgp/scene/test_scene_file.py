@@ -100,6 +100,7 @@ def test_heights_are_drawn_from_their_ranges_alone() -> None:
         ),
         ("objects.box.mass", -1, ("mass is -1", "expected 0 to 1000")),
         ("objects.box.at", [0.5, 0.0, 0.0], ("off table.near",)),
+        ("objects.box.grips", {"human_hnad": {}}, ("objects.box", "no kind of hand 'human_hnad'", "'human_hand'")),
         ("initial", ["on_table(bx)"], ("unknown 'bx'",)),
         ("goal", "grasped", ("goal is 'grasped'", "expected a list of texts")),
         ("domain", None, ("domain is missing",)),

@@ -25,6 +25,7 @@ PLANNED = {
     "gantry": ("", ["grasp", "place", "grasp", "place"]),
     "steps": ("", ["grasp", "place"]),
     "two_people": ("", ["grasp", "handover", "place"]),
+    "waiter": ("", ["grasp", "place", "grasp"]),
     "two_hands": ("carry_with_both_hands.py", ["lift", "put"]),
 }
 """Scene -> the file with its actions, and the actions of its plan."""
@@ -92,4 +93,21 @@ def _steps(motion: lgp.Motion) -> None:
     assert place[2 * each, 1] - place[each, 1] > 0.5
 
 
-CHECKS = {"steps": _steps, "pouring": _pours, "two_hands": _carries, "two_people": _hands_over}
+def _serves(motion: lgp.Motion) -> None:
+    """The tray is driven to the guest with glass and bottle on it, and rests while the guest takes the bottle."""
+    tray, each = motion.frames(["table.tray"])["table.tray"], motion.phases.slices
+    for name, first in (("glass", 0), ("bottle", 2 * each)):
+        on = motion.object_poses(name).position - tray.position
+        on = np.einsum("tji,tj->ti", tray.rotation, on)[first : 3 * each + 1]
+        np.testing.assert_allclose(on, np.tile(on[0], (len(on), 1)), atol=1e-4)
+    assert np.linalg.norm(tray.position[-1] - tray.position[0]) > 1.0
+    np.testing.assert_allclose(tray.rotation[:, 2, 2], 1.0)
+
+
+CHECKS = {
+    "steps": _steps,
+    "pouring": _pours,
+    "two_hands": _carries,
+    "two_people": _hands_over,
+    "waiter": _serves,
+}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,22 @@ def test_a_covered_table_has_a_board_above_it(tmp_path: Path) -> None:
     assert cover.position == (1.0, 0.0, pytest.approx(HEIGHT + 0.2 + 0.015))
     assert cover.size == (0.4, 0.4, 0.03)
     assert fixed_bodies(scene.with_heights({"b": 0.5}))[cover.full].position[2] == pytest.approx(0.715)
+
+
+def test_a_saved_plan_says_where_boards_and_covers_are(tmp_path: Path) -> None:
+    rack = {"position": [2.0, 0.0], "size": [0.3, 0.5], "boards": [0.4, 0.9], "walls": ["+x"]}
+    covered = {"position": [1.0, 0.0], "size": [0.4, 0.4], "height": HEIGHT, "clearance": 0.5}
+    tables = {**scene_values(tmp_path)["tables"], "b": covered}
+    made_plan(scene_values(tmp_path, shelves={"rack": rack}, tables=tables), [], np.zeros((0, 4)), START).save(
+        tmp_path / "plan"
+    )
+    saved = json.loads((tmp_path / "plan" / "plan.json").read_text())["scene"]
+    assert saved["tables"]["table.rack.1"]["height"] == 0.4
+    assert saved["tables"]["table.rack.1"]["clearance"] == pytest.approx(0.47)
+    assert saved["tables"]["table.rack.2"]["clearance"] is None
+    assert saved["obstacles"]["obstacle.b.cover"]["position"] == pytest.approx([1.0, 0.0, HEIGHT + 0.515])
+    assert list(saved["obstacles"]) == ["obstacle.rack.+x", "obstacle.b.cover"]
+    assert "tables" not in lgp.Plan.load(tmp_path / "plan").scene.values["shelves"], "the scene itself is as written"
 
 
 def test_what_is_higher_than_the_space_is_not_put_there(tmp_path: Path) -> None:
