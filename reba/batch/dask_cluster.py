@@ -7,7 +7,6 @@ files of the tasks, is refused work for the whole run, and its tasks go to the o
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 import pickle
@@ -181,6 +180,8 @@ class Cluster:
 
 
 def _connect(address: str, seconds: float) -> Any:
+    import asyncio  # on use: no other command needs it
+
     try:
         from distributed import Client
     except ImportError as error:

@@ -168,7 +168,8 @@ def _twist(parent: Array, child: Array) -> Array:
 
 
 def _in(parent: Array, vectors: Array) -> Array:
-    return np.einsum("nji,nj->ni", parent, vectors)
+    (a, b, c), (x, y, z) = parent.transpose(1, 2, 0), vectors.T
+    return np.asarray(a * x + b * y + c * z).T
 
 
 def _mirrored(vectors: Array, side: str) -> Array:

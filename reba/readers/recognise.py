@@ -271,11 +271,12 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
     """
     result: dict[str, dict[str, str]] = {}
     patterns, loose = _patterns(profile)
+    if not _has_name(profile.names, stream.names, loose):
+        return {}
     spelling = {_folded(name): name for name in profile.names}
     for index, pattern in enumerate(patterns):
-        expression = _expression(profile.names, pattern, loose)
         for signal in stream.names:
-            parsed = expression.fullmatch(signal)
+            parsed = _parsed(profile.names, pattern, loose, signal)
             if parsed:
                 groups = parsed.groupdict()
                 # Two patterns may read one body in two ways, so an id belongs to its pattern.
@@ -295,7 +296,7 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
 def may_concern(profile: Profile, signal: str) -> bool:
     """Return whether a signal may be one of a profile, of any body."""
     patterns, loose = _patterns(profile)
-    return any(_expression(profile.names, pattern, loose).fullmatch(signal) for pattern in patterns)
+    return any(_parsed(profile.names, pattern, loose, signal) for pattern in patterns)
 
 
 def _patterns(profile: Profile) -> tuple[tuple[str, ...], bool]:
@@ -303,6 +304,31 @@ def _patterns(profile: Profile) -> tuple[tuple[str, ...], bool]:
     loose = profile.kind == "points"
     further = (*QUALIFIED, *(PLACES if loose else ())) if "{name}" in profile.patterns else ()
     return (*profile.patterns, *further), loose
+
+
+def _has_name(names: tuple[str, ...], signals: tuple[str, ...], loose: bool) -> bool:
+    """Return whether a signal contains a name: of few profiles one does, and their expressions compile slowly."""
+    text = "\n".join(signals)
+    text = _folded(text) if loose else text
+    return any(name in text for name in (_folded_names(names) if loose else names))
+
+
+def _parsed(names: tuple[str, ...], pattern: str, loose: bool, signal: str) -> re.Match[str] | None:
+    text = signal.lower() if loose else signal
+    if not all(part in text for part in _literals(pattern, loose)):
+        return None
+    return _expression(names, pattern, loose).fullmatch(signal)
+
+
+@cache
+def _literals(pattern: str, loose: bool) -> tuple[str, ...]:
+    """Return what stands in every signal of a pattern."""
+    return tuple(filter(None, re.split(r"\{name\}|\{id\}|\*", pattern.lower() if loose else pattern)))
+
+
+@cache
+def _folded_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(map(_folded, names))
 
 
 @cache

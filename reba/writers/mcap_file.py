@@ -7,7 +7,6 @@ their indexes are made from their messages. Statistics, indexes and the summary 
 from __future__ import annotations
 
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterable
 from typing import BinaryIO, Final
@@ -30,7 +29,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from reba.readers.mcap.bytes import MAGIC
+from reba.readers.mcap.bytes import MAGIC, crc32
 from reba.readers.mcap.records import HEAD, MESSAGE_HEAD, gather, scan
 
 MOST_IDS: Final = 65_535
@@ -87,7 +86,7 @@ class McapFile:
         starts = scanned.payloads - MESSAGE_HEAD - HEAD
         times = gather(np.frombuffer(data, np.uint8), starts + _LOG_TIME, 8).view("<u8")[:, 0]
         first, last = int(times.min()), int(times.max())
-        head = struct.pack("<QQQI", first, last, len(data), zlib.crc32(data)) + _text(compression)
+        head = struct.pack("<QQQI", first, last, len(data), crc32(data)) + _text(compression)
         start = self._record(Opcode.CHUNK, head + struct.pack("<Q", len(packed)), packed)
         end = self._at
         places = {}
@@ -163,7 +162,7 @@ class McapFile:
                 summary += data
         at = start + len(summary)
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at)
-        crc = zlib.crc32(summary + offsets + footer)
+        crc = crc32(summary + offsets + footer)
         self._write(summary + offsets + _bytes_of(Footer(start, at, crc)) + MAGIC)
 
     def _record(self, opcode: Opcode, *parts: bytes) -> int:

@@ -165,3 +165,13 @@ def test_nothing_large_is_imported_before_the_handlers_stand(command: str) -> No
     call = [sys.executable, "-S", "-c", code]  # without what the installed packages import at every start
     done = subprocess.run(call, capture_output=True, text=True, check=True, cwd=ROOT)
     assert not {"numpy", "pandas", "click", "importlib.metadata", "typing"} & set(done.stdout.split())
+
+
+def test_what_a_command_imports_is_not_searched_for_garbage_again() -> None:
+    code = (
+        "import gc, json, reba.cli, reba.interrupts\n"
+        "reba.cli.main = lambda: print(json.dumps([gc.isenabled(), gc.get_freeze_count() > len(gc.get_objects())]))\n"
+        "reba.interrupts.enter('reba.cli')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert json.loads(done.stdout) == [True, True]

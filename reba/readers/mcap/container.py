@@ -7,7 +7,6 @@ and counts are correct; all else comes from the data section.
 
 from __future__ import annotations
 
-import zlib
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +17,7 @@ from mcap.opcode import Opcode
 from reba.errors import ReadError
 from reba.open_file import SETTINGS_BYTES
 from reba.readers.mcap import records
-from reba.readers.mcap.bytes import MAGIC, MOST_RATIO, NOT_MCAP, BadChunk, ByteSource, unpack
+from reba.readers.mcap.bytes import MAGIC, MOST_RATIO, NOT_MCAP, BadChunk, ByteSource, crc32, unpack
 from reba.readers.mcap.message_index import indexed_scan
 from reba.readers.mcap.packed_messages import MessageUnpacker
 from reba.readers.mcap.records import BadRecord, Channel, ChunkHead, Scan, Schema
@@ -177,7 +176,7 @@ class Container:
             data = unpack(packed, head.compression, head.size)
         except BadChunk as error:
             raise ReadError(self.path, str(error), hint=_RECORD_AGAIN, offset=segment.offset) from error
-        if self.check_crc and head.crc and not segment.checked and zlib.crc32(data) != head.crc:
+        if self.check_crc and head.crc and not segment.checked and crc32(data) != head.crc:
             raise ReadError(
                 self.path,
                 "the CRC of the chunk differs from that of its bytes: its numbers are damaged",

@@ -116,10 +116,10 @@ class ColumnDecoder:
         """Return the pieces of a batch, in any order."""
         pieces: list[Piece] = []
         data = np.frombuffer(batch.loaded.data, np.uint8)
-        for length in dict.fromkeys(batch.lengths.tolist()):
-            same = batch.lengths == length
-            group = batch if same.all() else batch[same]
-            self._decode_group(group, data, length, pieces, log)
+        lengths = batch.lengths
+        alike = len(lengths) > 0 and bool((lengths == lengths[0]).all())
+        for length in dict.fromkeys((lengths[:1] if alike else lengths).tolist()):
+            self._decode_group(batch if alike else batch[lengths == length], data, length, pieces, log)
         return pieces
 
     def _decode_group(

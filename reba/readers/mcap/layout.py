@@ -20,8 +20,9 @@ from reba.readers.mcap.records import gather
 
 VARINT: Final = "varint"
 """Type of a number in the base-128 encoding of protobuf."""
-_NEAR: Final = 16
-"""[bytes] Fixed bytes with smaller gaps are compared in one block."""
+_NEAR: Final = 8
+"""[bytes] Fixed bytes with smaller gaps are compared in one block: padding has up to 7, a time stamp, which differs in
+each message, 8."""
 
 
 class Undecodable(Exception):

@@ -321,4 +321,4 @@ def selected(piece: Piece, wanted: frozenset[str] | None) -> Piece:
     width = piece.values.shape[1] // len(piece.names)
     columns = (np.array(at, np.intp)[:, None] * width + np.arange(width)).ravel()
     names, parents = (tuple(texts[index] for index in at) if texts else () for texts in (piece.names, piece.parents))
-    return Piece(piece.number, piece.stamp, piece.log, names, parents, piece.values[:, columns])
+    return Piece(piece.number, piece.stamp, piece.log, names, parents, piece.values.take(columns, axis=1))

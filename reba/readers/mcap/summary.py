@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from typing import Final
 from mcap.opcode import Opcode
 
 from reba.readers.mcap import records
-from reba.readers.mcap.bytes import ByteSource
+from reba.readers.mcap.bytes import ByteSource, crc32
 from reba.readers.mcap.records import Channel, Schema
 
 FOOTER: Final = 20
@@ -67,7 +66,7 @@ class Summary:
             return True
         # The CRC covers the footer up to the CRC itself.
         whole = size + records.HEAD + FOOTER - 4
-        return 0 <= size <= limit_bytes and zlib.crc32(source.read_at(start, whole)) == crc
+        return 0 <= size <= limit_bytes and crc32(source.read_at(start, whole)) == crc
 
     def holds(self, channels: Mapping[int, Channel], indexed: Iterable[int]) -> bool:
         """Return whether it can replace the data section: complete, with a CRC (correct, see `undamaged`).

@@ -59,3 +59,12 @@ def test_a_hand_that_bends_is_measured_in_both_directions(kind: str, moving: str
     constant = constant_columns(ColumnStatistics().add(angles), 5.0, kind, {})
     assert ("wrist_deviation_left" not in constant) == measured
     assert "wrist_deviation_right" in constant
+
+
+def test_equal_frames_are_those_in_which_every_column_is_equal() -> None:
+    rng = np.random.default_rng(1)
+    angles = np.repeat(rng.choice([0.0, 1.0, np.nan], (60, len(COLUMNS)), p=(0.94, 0.02, 0.04)), 2, axis=0)
+    plain = ((angles[1:] == angles[:-1]) | np.isnan(angles[1:])).all(axis=1)
+    assert 0 < plain.sum() < len(plain)
+    assert (equal_frames(angles) == plain).all()
+    assert [len(equal_frames(angles[:count])) for count in range(3)] == [0, 0, 1]

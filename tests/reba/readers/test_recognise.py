@@ -7,6 +7,7 @@ import pytest
 
 from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS
+from reba.readers import recognise
 from reba.readers.recognise import bodies, choose, matches
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream, Topic
@@ -151,3 +152,20 @@ def test_ids_are_taken_from_the_longest_name() -> None:
         "skeleton": {"left_c7_shoulder_x": "skeleton_left_c7_shoulder_x"},
         "my": {"left_c7_shoulder_y": "my_left_c7_shoulder_y"},
     }
+
+
+def test_only_profiles_of_which_a_name_occurs_are_looked_for_in_detail(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expressions of many names take most of the time of a short recording to compile."""
+    asked: set[tuple[str, ...]] = set()
+    compiled = recognise._expression
+
+    def counted(names: tuple[str, ...], pattern: str, loose: bool) -> object:
+        asked.add(names)
+        return compiled(names, pattern, loose)
+
+    monkeypatch.setattr(recognise, "_expression", counted)
+    match = choose(recording_of(_joints("opensim", "/jointset/hip/{name}/value")), profiles())
+    assert match.profile is not None
+    assert match.profile.names in asked
+    joints = {profile.names for profile in profiles() if profile.kind == "joints"}
+    assert len(asked) < len(joints)

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from reba.readers.mcap import open_mcap, protobuf, ros
 from reba.readers.mcap.decode import Batch, ColumnDecoder
 from reba.readers.mcap.extract import TEXTS, extract_joints
-from reba.readers.mcap.layout import FieldSpan, Undecodable
+from reba.readers.mcap.layout import FieldSpan, MessageLayout, Undecodable, Walked
 from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.records import Scan
 from reba.readers.mcap.ros import BadSchema, Number, parse
@@ -345,3 +345,10 @@ def test_a_damaged_layout_does_not_hide_good_messages() -> None:
     (piece,) = decoder.decode(batch, log)
     assert log.skipped == 1
     np.testing.assert_array_equal(piece.values, make.positions()[1:10])
+
+
+def test_what_differs_in_each_message_is_in_no_compared_block() -> None:
+    """A block in which something differs in each message is compared three times."""
+    message = bytes(range(64))
+    layout = MessageLayout(Walked(fixed=[(0, 4), (12, 40), (43, 60)]), message)
+    assert [(start, len(template)) for start, template, _ in layout._blocks] == [(0, 4), (12, 48)]
