@@ -17,7 +17,7 @@ def leaving_places(task: Task) -> Task:
     """Return a task whose actions end that an object is placed where they take it away from.
 
     The domains of the paper do not delete `placed` in a grasp, so that a goal could hold for a thing that is in a hand,
-    or lies somewhere else.
+    or lies on another table.
 
     Example:
         >>> from lgp.logic.pddl import load_domain
