@@ -9,6 +9,7 @@ the log time that passed between the two.
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -261,9 +262,10 @@ def _set_offsets(clocks: Sequence[ChannelClock]) -> tuple[tuple[int, ...], int]:
             differences.append(_align(clock.passes, main.passes))
             for one in clock.passes:
                 start = int(one.stamp[0]) + one.offset
-                if one.restarted and all(abs(start - seam) > JITTER for seam in seams):
-                    seams.append(start)
-    return tuple(sorted(seams)), max(differences)
+                at = bisect(seams, start)
+                if one.restarted and all(abs(start - seam) > JITTER for seam in seams[max(at - 1, 0) : at + 1]):
+                    seams.insert(at, start)
+    return tuple(seams), max(differences)
 
 
 def _align(passes: Sequence[Pass], main: Sequence[Pass]) -> int:
