@@ -114,6 +114,11 @@ def write_atomic(
         _put_on_disk(file.parent)
     except OSError as failure:
         raise error(f"{path}: cannot be written ({failure.strerror or failure}); choose another place") from failure
+    except RebaError as failure:
+        why = failure.__cause__
+        if not isinstance(why, OSError) or not any(str(part) in str(failure) for part in parts.values()):
+            raise  # the user knows no temporary file
+        raise error(f"{path}: cannot be written ({why.strerror or why}); choose another place") from failure
     finally:
         for part in parts.values():
             with contextlib.suppress(OSError):

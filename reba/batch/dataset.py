@@ -75,24 +75,25 @@ class Dataset:
         self.folder = Path(folder).resolve()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = open_regular(self.folder / LOCK, append=True)
+            self._lock = open_regular(self.folder / LOCK, append=True, buffering=0)
         except OSError as error:
-            raise RebaError(
-                f"{folder}: cannot be written to ({error.strerror or error}); choose another folder"
-            ) from error
+            raise _unwritable(folder, error) from error
         self.token = os.urandom(8).hex()
         self._paths: dict[str, str] = {}
-        try:
+        with contextlib.ExitStack() as failed:
+            failed.callback(self._lock.close)
             if not lock_exclusively(self._lock.fileno()):
                 raise RebaError(
                     f"{folder}: another command is writing to it; wait until that ends or choose another folder"
                 )
             self.manifest = Manifest(self.folder)
+            failed.callback(self.manifest.close)
             self._names = {entry.recording: path for path, entry in self.manifest.entries.items()}
-            self._recover()
-        except BaseException:
-            self._lock.close()
-            raise
+            try:
+                self._recover()
+            except OSError as error:
+                raise _unwritable(folder, error) from error
+            failed.pop_all()
 
     def __enter__(self) -> Dataset:
         return self
@@ -235,7 +236,6 @@ class Dataset:
             self._remove_unfinished()
         self._lock.truncate(0)
         self._lock.write(self.token.encode())
-        self._lock.flush()
 
     def _remove_unfinished(self) -> None:
         """Remove scores that are in no line of the manifest."""
@@ -274,6 +274,10 @@ def _encoded(recording: str) -> str:
     text = quote(recording, safe=" ", errors="surrogateescape")
     # The glob `**/*.parquet` must match score files only, not the folder of a recording in Parquet.
     return f"{text.removesuffix('.parquet')}%2Eparquet" if text.endswith(".parquet") else text
+
+
+def _unwritable(folder: str | Path, error: OSError) -> RebaError:
+    return RebaError(f"{folder}: cannot be written to ({error.strerror or error}); choose another folder")
 
 
 def _digest(fields: dict[str, Any]) -> str:

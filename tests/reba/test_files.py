@@ -82,6 +82,20 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_the_temporary_name_of_a_file_is_not_told(tmp_path: Path) -> None:
+    def of_a_writer(part: Path) -> None:
+        try:
+            raise OSError(28, "No space left on device")
+        except OSError as error:
+            raise reba.RebaError(f"{part}: cannot be written; run with --resume") from error
+
+    with pytest.raises(reba.RebaError) as error:
+        write_atomic(tmp_path / "robot.mcap", of_a_writer)
+    says(error, tmp_path / "robot.mcap", "No space left", "choose another place")
+    assert ".part" not in str(error.value)
+    assert everything(tmp_path) == {}
+
+
 def test_only_regular_files_are_replaced_and_links_are_followed(tmp_path: Path) -> None:
     (tmp_path / "full").symlink_to("/dev/full")
     for name in ("/dev/full", tmp_path / "full", tmp_path):

@@ -206,6 +206,20 @@ def test_scores_that_cannot_be_written_leave_the_former_ones(tmp_path: Path, mon
     pd.testing.assert_frame_equal(scores_in(out), former)
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no limit of file sizes here")
+def test_a_full_disk_is_told_with_the_folder(tmp_path: Path) -> None:
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    try:
+        with pytest.raises(reba.RebaError) as error:
+            Dataset(tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    says(error, tmp_path, "cannot be written", "too large", "choose another folder")
+
+
 def write_split(folder: Path, number: int) -> None:
     folder.mkdir(exist_ok=True)
     frames = pd.DataFrame({"time": 20.0 * number + np.arange(20.0), "trunk_flexion": LOW})
