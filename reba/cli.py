@@ -283,7 +283,7 @@ def profiles(name: str | None, as_json: bool) -> None:
 @click.option("--until-idle", type=Number(0, MOST), metavar="SECONDS", help="End after this long without data.")
 @click.option(
     "--foxglove", type=click.IntRange(0, 65535), is_flag=False, flag_value=8765, metavar="[PORT]",
-    help="Serve scores and a coloured figure to Foxglove or Lichtblick; any web page open in a browser on this machine "
+    help="Serve scores and a colored figure to Foxglove or Lichtblick; any web page open in a browser on this machine "
     "can read them meanwhile.",
 )  # fmt: skip
 @click.option("--window", default="60s", show_default=True, metavar="SECONDS", help="Length of the rolling window.")

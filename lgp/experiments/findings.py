@@ -25,6 +25,9 @@ SHARE_MARGIN: Final = 0.1
 """Smaller changes of a table's share are no effect of note: ten of a hundred runs."""
 HEIGHT_MARGIN: Final = 0.05
 """[m] Smaller differences of the mean height are no effect of note: the paper's is 0.13 m."""
+FEWEST_PAIRS: Final = 6
+"""Pairs from which an interval can show that there is no effect: with fewer, not even a signed-rank test in which every
+difference has the same sign is significant at 5 % (2 / 2^5 = 0.06)."""
 FEWEST_EQUAL: Final = 30
 """Runs without any difference that show equality: then at most one in ten runs differs (rule of three, 95 %)."""
 
@@ -128,9 +131,13 @@ def _unchanged(pair: Mapping[str, Any], margin: float) -> bool | None:
 
 
 def _interval(pair: Mapping[str, Any], sign: int = 1) -> tuple[float | None, float | None]:
-    """The 95 % interval of a difference; none where too few runs are all equal, which has no dispersion to judge by."""
+    """The 95 % interval of a difference; none of too few runs, of which more are needed where all are equal.
+
+    Equal differences have no dispersion to judge by.
+    """
     low, high = pair["low"], pair["high"]
-    if low is None or high is None or (pair["ties"] == pair["n"] and pair["n"] < FEWEST_EQUAL):
+    fewest = FEWEST_EQUAL if pair["ties"] == pair["n"] else FEWEST_PAIRS
+    if low is None or high is None or pair["n"] < fewest:
         return None, None
     return (low, high) if sign > 0 else (-high, -low)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 def number(value: float | None, digits: int = 2) -> str:
     """Number with a fixed count of decimals and a true minus sign; a dash for None."""
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+    return "–" if value is None else f"{value:z.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def p_value(value: float | None) -> str:
@@ -27,5 +27,12 @@ def p_text(p: float | None) -> str:
 
 
 def signed(value: float | None) -> str:
-    """Number with its sign and two decimals; "not defined" for None."""
-    return "not defined" if value is None else f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
+    """Number with its sign and two decimals, without one where it rounds to nothing; "not defined" for None.
+
+    >>> signed(0.5), signed(-0.001), signed(None)
+    ('+0.50', '0.00', 'not defined')
+    """
+    if value is None:
+        return "not defined"
+    text = f"{value:+.2f}"
+    return text[1:] if not float(text) else text.replace("-", "\N{MINUS SIGN}")

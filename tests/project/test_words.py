@@ -32,6 +32,7 @@ PACKAGES = ("reba", "dreba", "lgp")
 ROOMS = sorted(
     {"/".join(path.relative_to(ROOT).parts[:-1][:2]) for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
 )
+TEMPLATES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.html"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -112,6 +113,7 @@ def test_pages_are_words_of_the_field(page: Path) -> None:
     assert [match.group() for match in coined_words(text) if page.stem != "glossary"] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda page: page.stem)
 def test_pages_have_one_spelling(page: Path) -> None:
-    assert SPELLING.findall(re.sub(r"`[^`]*`", "", page.read_text(encoding="utf-8"))) == []
+    said = re.sub(r"`[^`]*`|{[{%].*?[%}]}", "", page.read_text(encoding="utf-8"))
+    assert SPELLING.findall(said) == []

@@ -32,6 +32,19 @@ def test_no_effect_takes_enough_runs(times, shown):
     assert [one.shown for one in findings(summarise(runs, paths))] == [shown] * 3
 
 
+def test_a_few_runs_show_no_equality():
+    """Three runs of nearly equal heights have a narrow interval, and are too few to tell."""
+    runs, paths = made("rest")
+    complete = runs.groupby("run")["feasible"].transform("all")
+    runs = runs[runs["run"].isin(sorted(runs["run"][complete].unique())[:3])].copy()
+    paths = paths[paths["run"].isin(runs["run"])]
+    runs = runs.assign(height_left=1.0, height_center=1.002, table="left", chosen_height=1.0)
+    one = (runs["run"] == runs["run"].min()) & (runs["condition"] == "ergonomic")
+    runs.loc[one, ["table", "chosen_height"]] = ["center", 1.002]
+    height = findings(summarise(runs, paths))[2]
+    assert height.shown is None, height.evidence
+
+
 def test_findings_say_where_nothing_can_be_said():
     runs, paths = made("rest")
     one = runs["run"] == 0

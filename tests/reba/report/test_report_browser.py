@@ -225,6 +225,8 @@ def test_nothing_is_cut_or_leaves_its_frame(browser: Any, tmp_path: Path) -> Non
                 return [...document.querySelectorAll(arguments[0])].filter((e) => e.getClientRects().length &&
                 (out(e) || e.scrollWidth > e.clientWidth + 1)).map((e) => e.textContent)"""
             assert browser.execute_script(code, selector) == [], (width, selector)
+        shadows = "return getComputedStyle(document.querySelector('.scroll')).backgroundAttachment"
+        assert ("local" in browser.execute_script(shadows)) == (width < 700), "what goes on behind an edge has a shadow"
 
 
 def test_a_number_stays_with_its_unit(browser: Any, report: Path) -> None:
