@@ -54,9 +54,9 @@ def enable(
         "name", "model" (empty for a cost without REBA), "start", "solver", "reba" (mean; a run that misses its targets
         counts 12), "standard_error", "difference" (to the distance to rest with the same start and free start) and
         "difference_standard_error", "certified" (the mean proved minimum), "share_best" (runs with the lowest known
-        score of the task), "infeasible", "evaluations" and "seconds". "recommended" has the "name" of the row with the
-        fewest evaluations among those that, over both kinds of start, are within a standard error of the lowest mean
-        (the one-standard-error rule, paired by task; at least two tasks), else None.
+        score of the task), "infeasible", "evaluations" and "seconds" (processor time). "recommended" has the "name" of
+        the row with the fewest evaluations among those that, over both kinds of start, are within a standard error of
+        the lowest mean (the one-standard-error rule, paired by task; at least two tasks), else None.
 
     Raises:
         ModelError: more tasks than are stored, none stored for the seed, or the process of a row died.

@@ -198,9 +198,11 @@ def $name(joints, load=0.0, coupling=(0.0, 0.0), activity=0.0):
 
     load [kg], coupling of the left and right hand (points from 0, good, to 3) and activity (points from 0 to 3) are one
     value or one for each pose. Joints that are not finite, and factors out of range, give NaN. The type of the joints
-    is that of the result: single precision has about six digits.
+    is that of the result: single precision has about six digits. Another number of joints is a ValueError.
     """
     angles = joints = _start(joints)
+    if joints.shape[-1:] != (len(JOINTS),):
+        raise ValueError(f"joints have shape {tuple(joints.shape)}; expected (..., {len(JOINTS)})")
     load, activity = _array(load, angles), _array(activity, angles)
     left, right = (_array(side, angles) for side in coupling)
     valid = _lib.isfinite(joints).all(-1) & (load >= 0.0) & _lib.isfinite(load)

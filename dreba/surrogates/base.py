@@ -173,8 +173,13 @@ class Surrogate(RegressorMixin, BaseEstimator):
         Raises:
             ModelError: wrong poses, or scores or weights that are not n finite numbers.
         """
+        from sklearn.metrics import r2_score
+
+        check_is_fitted(self, "joints_")
         try:
-            return float(super().score(X, y, sample_weight))
+            of_postures = set(self.joints_) <= set(COLUMNS)
+            found = self._value(self._poses(X)[0], DEFAULT_FACTORS) if of_postures else self.predict(X)
+            return float(r2_score(y, found, sample_weight=sample_weight))
         except (ModelError, NotFittedError):
             raise
         except (ValueError, TypeError, OverflowError) as error:

@@ -143,7 +143,8 @@ def model_calls() -> dict[str, Callable[[Any], Any]]:
     def call(kind: str, method: str) -> Callable[[Any], Any]:
         if method == "fit":
             return lambda data: dreba.KINDS[kind](**QUICK.get(kind, {})).fit(data, poses().reba).value(poses().angles)
-        return lambda data: getattr(fitted(kind), method)(data)
+        more = [poses().reba] if method == "score" else []
+        return lambda data: getattr(fitted(kind), method)(data, *more)
 
     calls = {f"{kind}.{method}": call(kind, method) for kind in dreba.KINDS for method in methods()}
     del calls["net.gauss_newton"]  # has none, and says so

@@ -98,6 +98,16 @@ def test_what_python_refuses_is_not_a_number(library: str, name: str, tmp_path: 
         assert np.isnan(values(library, path, poses, **given)).all(), given
 
 
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("name", ["quadratic", "convex", "soft"])
+def test_another_number_of_joints_is_refused(library: str, name: str, tmp_path: Path) -> None:
+    pytest.importorskip(library, reason=f"{library} is not installed")
+    path = dreba.export_model(model(name), tmp_path / "cost", to=library)
+    for shape in ((21,), (4, 23), ()):
+        with pytest.raises(ValueError, match=r"expected \(\.\.\., 22\)"):  # indices past the end are clamped in JAX
+            values(library, path, np.zeros(shape))
+
+
 @pytest.mark.parametrize("library", ["torch", pytest.param("jax", marks=pytest.mark.slow)])
 def test_the_joints_of_a_map_are_taken(library: str, tmp_path: Path) -> None:
     pytest.importorskip(library, reason=f"{library} is not installed")
