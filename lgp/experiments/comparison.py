@@ -174,12 +174,12 @@ def toolbox_rows(variant: str, summary: Mapping[str, Any]) -> list[dict[str, Any
 
 
 def _together(words: str) -> str:
-    """Return a text in which no line ends within a figure, but after commas and between the tables.
+    """Return a text in which no line ends within a figure, but after commas and around intervals.
 
     >>> _together("2 (-7 to 11) / 3 (0 to 5), p = 0.1").replace("\\xa0", "_")
-    '2_(-7_to_11)_/ 3_(0_to_5), p_=_0.1'
+    '2 (-7_to_11)_/ 3 (0_to_5), p_=_0.1'
     """
-    return re.sub("(?<![/,]) ", "\N{NO-BREAK SPACE}", words) if re.search(r"\d", words) else words
+    return re.sub(r"(?<![/,]) (?!\()", "\N{NO-BREAK SPACE}", words) if re.search(r"\d", words) else words
 
 
 def _shares(percent: Mapping[str, float | None]) -> str:
@@ -191,6 +191,8 @@ def _mean(one: Mapping[str, Any], spread: str) -> str:
 
 
 def _difference(pair: Mapping[str, Any], p: str = "p_holm") -> str:
+    if pair["low"] is None:
+        return number(pair["difference"])
     interval = f"{number(pair['low'])} to {number(pair['high'])}"
     return f"{number(pair['difference'])} ({interval}), p = {p_value(pair[p])}"
 
