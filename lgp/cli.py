@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reba.interrupts import enter
+from reba.interrupts import enter, no_garbage
 
 if __name__ == "__main__":
     enter("lgp.cli")  # under its own name, and before the other imports
@@ -109,8 +109,9 @@ def plan(
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
     loaded = loaded if time_weight is None else loaded.with_time_weight(time_weight)
     lines = None if sequence is None else _read(sequence)
-    from lgp.planner import INTERRUPTED
-    from lgp.planner import plan as make_plan
+    with no_garbage():
+        from lgp.planner import INTERRUPTED
+        from lgp.planner import plan as make_plan
 
     result = make_plan(
         loaded,

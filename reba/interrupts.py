@@ -54,10 +54,8 @@ def enter(module: str) -> NoReturn:
             _Received.importing = module.partition(".")[0]
             _install()
             leave_out_current_folder()
-            gc.disable()  # what modules define is never garbage: a third of the time of importing is looking for it
-            main = import_module(module).main
-            gc.freeze()  # nor is it searched later, as at the end of the interpreter
-            gc.enable()
+            with no_garbage():
+                main = import_module(module).main
             _Received.importing = ""
             main()
         except SystemExit as stop:
@@ -70,6 +68,20 @@ def enter(module: str) -> NoReturn:
     if code in map(exit_code, WORDS):
         discard_output()  # a reader that has stopped reading would hold up the end
     sys.exit(code)
+
+
+@contextmanager
+def no_garbage() -> Iterator[None]:
+    """Import large packages in here: a third of the time of importing is the search of what they define for garbage.
+
+    What is there at the end is not searched later either, as at the end of the interpreter.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def interrupted(name: str) -> int:

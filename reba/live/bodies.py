@@ -11,9 +11,10 @@ import numpy as np
 from reba.errors import ProfileError
 from reba.readers.mcap.contents import Contents
 from reba.readers.mcap.presence import PAUSE, Interval, at_once, united
-from reba.readers.recognise import AT_ONCE, Match, alike, candidates_in, in_turn, may_concern
+from reba.readers.recognise import AT_ONCE, Match, alike, candidates_in, in_turn
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import Recording
+from reba.readers.signal_names import may_concern
 
 ASIDE = "{} (not followed)"
 """Name of a signal of a body that is there at once with the one that is followed."""

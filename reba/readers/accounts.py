@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any, Final
 
 from reba.errors import ReadError
-from reba.readers.recognise import Match, bodies
+from reba.readers.recognise import Match
 from reba.readers.recording.stream import ASKED_FOR, LOST, UNUSED, ReadLog, Recording, Stream
+from reba.readers.signal_names import bodies
 
 TABLE: Final = ("table", "table of points")
 """Ends of the formats of streams that are rows of a table."""

@@ -49,9 +49,10 @@ from reba.readers.quality_control import (
     straight_at_180,
     subtract,
 )
-from reba.readers.recognise import Match, bodies
+from reba.readers.recognise import Match
 from reba.readers.recording.profile import Profile
 from reba.readers.recording.stream import LOST_HINT, MESSAGES, Block, ReadLog, Recording, Stream
+from reba.readers.signal_names import bodies
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS, SIDES
 from reba.posture.table import PostureTable
 from reba.readers.mapping.segments import AXES
-from reba.readers.recognise import bodies, choose
+from reba.readers.recognise import choose
 from reba.readers.recording.profile import find_profile, parse_profile, profiles
+from reba.readers.signal_names import bodies
 from tests.support.says import says
 from tests.support.synthetic_bodies import (
     check_movement,

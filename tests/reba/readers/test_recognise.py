@@ -7,10 +7,11 @@ import pytest
 
 from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS
-from reba.readers import recognise
-from reba.readers.recognise import bodies, choose, matches
+from reba.readers import signal_names
+from reba.readers.recognise import choose, matches
 from reba.readers.recording.profile import find_profile, profiles
 from reba.readers.recording.stream import Recording, Stream, Topic
+from reba.readers.signal_names import bodies
 from tests.support.says import says
 from tests.support.synthetic_bodies import joints_stream, recording_of, stream_of
 
@@ -157,13 +158,13 @@ def test_ids_are_taken_from_the_longest_name() -> None:
 def test_only_profiles_of_which_a_name_occurs_are_looked_for_in_detail(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expressions of many names take most of the time of a short recording to compile."""
     asked: set[tuple[str, ...]] = set()
-    compiled = recognise._expression
+    compiled = signal_names._expression
 
     def counted(names: tuple[str, ...], pattern: str, loose: bool) -> object:
         asked.add(names)
         return compiled(names, pattern, loose)
 
-    monkeypatch.setattr(recognise, "_expression", counted)
+    monkeypatch.setattr(signal_names, "_expression", counted)
     match = choose(recording_of(_joints("opensim", "/jointset/hip/{name}/value")), profiles())
     assert match.profile is not None
     assert match.profile.names in asked
