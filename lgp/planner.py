@@ -88,7 +88,8 @@ def plan(
         sequence: actions to plan for instead of searching, as a plan prints them: `grasp(1, baxter.right, box)`; the
             number of the phase may be left out, and actions with the same one happen at the same time.
         depth: longest sequence of actions, the scene's by default.
-        seconds: wall-clock limit of the search [s]; the best plan so far is returned.
+        seconds: wall-clock limit of the search [s]; the best plan so far is returned. A path that is being solved then
+            is finished, and not improved.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
         weights: of the terms of the cost, by default those of the scene.

@@ -21,6 +21,7 @@ from lgp.path.feasibility import CLOSE
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.path.sampled_motion import MOTIONS, Motion
+from lgp.search.time_limit import time_is_up
 from lgp.sqp.merit import violation_max
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result, SolveStatus
@@ -225,6 +226,8 @@ def multi_start(
             if cost <= GOOD_RATIO * contacts.cost:
                 break
         known = math.isfinite(cost_limit) or least <= PLAUSIBLE_RATIO * contacts.cost
+        if time_is_up() and math.isfinite(least):
+            break
         if number >= CANDIDATES and (known or (best is not None and number >= CANDIDATES + MOTIONS)):
             break
     return best or dear

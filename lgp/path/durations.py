@@ -19,6 +19,7 @@ from lgp.path.joint_speeds import needed_durations, speed_limits
 from lgp.path.keyframes import Solution
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
+from lgp.search.time_limit import time_is_up
 from reba.arrays import Array
 
 SHARE_OF_SPEED: Final = 0.8
@@ -64,7 +65,7 @@ class DurationSolver:
             step = bounded_step(hessian, slope, lowest - logs)
             predicted = -float(slope @ step + 0.5 * step @ hessian @ step)
             too_fast = bool((lowest > logs + 1e-9).any())
-            if predicted < DECREASE * solution.costs.total and not too_fast:
+            if (predicted < DECREASE * solution.costs.total or time_is_up()) and not too_fast:
                 break
             durations = np.maximum(np.exp(logs + step), LEAST_SECONDS)
             trial_phases = replace(phases, durations=tuple(durations.tolist()))

@@ -28,6 +28,7 @@ from lgp.logic.impossible import exclusive_goals, fewest_actions
 from lgp.logic.task import Task
 from lgp.search.order import OpenNodes
 from lgp.search.records import BoundResult, Bounds, Budget, LevelStatistics, Node, SearchResult, SearchStatus, Skeleton
+from lgp.search.time_limit import time_is_up, time_limit
 
 PATIENCE = 100
 """Nodes extended until a search without a plan goes depth first."""
@@ -82,11 +83,12 @@ class _Search:
             return self._finish()
         self._extend(self.nodes[0])
         try:
-            while self.open or self._reopen() or self.postponed:
-                if time.perf_counter() - self.start > self.budget.seconds:
-                    self.blocked = True
-                    break
-                self._step()
+            with time_limit(self.budget.seconds):
+                while self.open or self._reopen() or self.postponed:
+                    if time_is_up():
+                        self.blocked = True
+                        break
+                    self._step()
         except KeyboardInterrupt:
             if not self.budget.keep_interrupted:
                 raise
@@ -264,7 +266,11 @@ class _Search:
         start = time.perf_counter()
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
         more = {"thorough": True} if thorough else {}
-        result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
+        try:
+            result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
+        except KeyboardInterrupt:
+            self.open.push(node)  # its bound is part of what is still open
+            raise
         self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)
         return result
 

@@ -1,0 +1,57 @@
+"""What happens when the time of a search is up."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from lgp.search.records import BoundResult, Budget, SearchStatus, Skeleton
+from lgp.search.time_limit import time_is_up, time_limit
+from lgp.search.tree_search import search
+from tests.lgp.search.test_tree_search import task
+from tests.support.random_bounds import RandomBounds
+
+
+def test_limits_end_with_their_block_and_the_inner_one_counts() -> None:
+    assert not time_is_up()
+    with time_limit(1e9):
+        with time_limit(0.0):
+            assert time_is_up()
+        assert not time_is_up()
+    assert not time_is_up()
+
+
+def test_problems_know_the_limit_of_the_search_that_asks_them() -> None:
+    seen = []
+
+    class Slow(RandomBounds):
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = float("inf")
+        ) -> BoundResult:
+            seen.append(time_is_up())
+            time.sleep(0.02)
+            return super().solve(level, skeleton, warm, limit)
+
+    result = search(task(), Slow(5, 0.0), Budget(depth=5, seconds=0.05))
+    assert result.status in (SearchStatus.GAP, SearchStatus.EXHAUSTED)
+    assert not seen[0]
+    assert len(seen) < 10
+
+
+def test_a_sequence_whose_problem_is_interrupted_still_bounds_the_optimum() -> None:
+    class Interrupted(RandomBounds):
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = float("inf")
+        ) -> BoundResult:
+            if done:
+                raise KeyboardInterrupt
+            result = super().solve(level, skeleton, warm, limit)
+            done.extend([level] if level == "path" else [])
+            return result
+
+    done: list[str] = []
+    truth = search(task(), RandomBounds(5, 0.0), Budget(depth=5))
+    stopped = search(task(), Interrupted(5, 0.0), Budget(depth=5, keep_interrupted=True))
+    assert stopped.status is SearchStatus.INTERRUPTED
+    assert stopped.bound <= truth.cost == pytest.approx(truth.bound)
