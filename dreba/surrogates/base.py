@@ -178,8 +178,8 @@ class Surrogate(RegressorMixin, BaseEstimator):
         check_is_fitted(self, "joints_")
         try:
             of_postures = set(self.joints_) <= set(COLUMNS)
-            found = self._value(self._poses(X)[0], DEFAULT_FACTORS) if of_postures else self.predict(X)
-            return float(r2_score(y, found, sample_weight=sample_weight))
+            predicted = self._value(self._poses(X)[0], DEFAULT_FACTORS) if of_postures else self.predict(X)
+            return float(r2_score(y, predicted, sample_weight=sample_weight))
         except (ModelError, NotFittedError):
             raise
         except (ValueError, TypeError, OverflowError) as error:

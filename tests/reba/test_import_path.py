@@ -22,7 +22,9 @@ STARTS: dict[str, dict[str, str]] = {
 
 
 def run(folder: Path, call: list[str], variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
+    """Run Python with some variables; a pool of workers in another test may have set the safe path for all."""
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    environment = {**inherited, "PYTHONPATH": str(ROOT), **variables}
     return subprocess.run(
         [sys.executable, *call], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
