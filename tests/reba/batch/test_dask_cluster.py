@@ -136,7 +136,7 @@ def test_models_are_compared_as_here(address: str, run: Run) -> None:
     (here_code, here), (there_code, there) = run("dreba", *words), run("dreba", *words, "--scheduler", address)
     assert (here_code, there_code) == (0, 0)
     assert [row["model"] for row in json.loads(there)["models"]] == ["quadratic", "convex"]
-    assert len(json.loads(there)["enabler"]["rows"]) == 18
+    assert len(json.loads(there)["enabler"]["rows"]) == 24
     assert timeless(json.loads(here)) == timeless(json.loads(there))
 
 
