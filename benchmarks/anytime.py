@@ -123,7 +123,8 @@ def boxes(folder: Path) -> list[str]:
 def show(row: dict[str, Any]) -> None:
     """Print the best cost at each mark, and how the search ended."""
     print(f"{Path(row['scene']).name} with {row['package']}")
-    at = {mark: min([c for t, c in row["incumbents"] if t <= mark], default=None) for mark in MARKS}
+    reached = [mark for mark in MARKS if mark <= row["cpu_seconds"]]
+    at = {mark: min([c for t, c in row["incumbents"] if t <= mark], default=None) for mark in reached}
     costs = (f"{mark:g} s {'-' if cost is None else format(cost, '.3f')}" for mark, cost in at.items())
     print("  best after " + ", ".join(costs))
     print("  incumbents " + ", ".join(f"{cost:.2f} at {at:.1f} s" for at, cost in row["incumbents"]))
