@@ -84,11 +84,10 @@ class _Search:
         self._extend(self.nodes[0])
         try:
             with time_limit(self.budget.seconds):
-                while self.open or self._reopen() or self.postponed:
-                    if time_is_up():
-                        self.blocked = True
-                        break
+                while not time_is_up() and (self.open or self._reopen() or self.postponed):
                     self._step()
+                # What was cut short at the last problem proves nothing either.
+                self.blocked = self.blocked or time_is_up()
         except KeyboardInterrupt:
             if not self.budget.keep_interrupted:
                 raise

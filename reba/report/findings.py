@@ -69,7 +69,7 @@ def headline(record: RecordingSummary) -> Headline:
     peak = f"single frames reach {span(ends['max_low'], ends['max_high'])}"
     tiles = (
         Tile(
-            f"Highest score sustained for {HELD_SECONDS:g} s",
+            f"Highest score sustained for {HELD_SECONDS:g}\u00a0s",
             sustained_text(record),
             f"{risk(*highest) if highest[0] is not None else 'no score is sustained that long'}; {peak}",
         ),
