@@ -9,6 +9,15 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import contextmanager
+
+TYPE_CHECKING = False  # that of typing takes long to import, and no signal is handled yet
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Final
+
+SAFE_PATH: Final[dict[str, str]] = {"PYTHONSAFEPATH": "1"}
+"""Has a Python process do without the folders that Python adds by itself; an empty value says no."""
 
 
 def leave_out_current_folder() -> None:
@@ -19,7 +28,7 @@ def leave_out_current_folder() -> None:
     named = [place for place in os.environ.get("PYTHONPATH", "").split(os.pathsep) if place]
     if "PYTHONPATH" in os.environ:
         os.environ["PYTHONPATH"] = os.pathsep.join(named)
-    leave_out_for_started()
+    os.environ.update(SAFE_PATH)
     packages = os.path.dirname(os.path.dirname(__file__))
     try:
         here = os.path.realpath(os.curdir)
@@ -32,6 +41,16 @@ def leave_out_current_folder() -> None:
     sys.path[:front] = [place for place in sys.path[:front] if os.path.realpath(place or os.curdir) != here]
 
 
-def leave_out_for_started() -> None:
-    """Have Python processes that this one starts do without the folders that Python adds by itself."""
-    os.environ["PYTHONSAFEPATH"] = "1"  # an empty one says no
+@contextmanager
+def left_out_for_started() -> Iterator[None]:
+    """Have Python processes that are started in here do without them; a caller's environment is as before after it."""
+    before = {name: os.environ.get(name) for name in SAFE_PATH}
+    os.environ.update(SAFE_PATH)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

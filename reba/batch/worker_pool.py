@@ -11,7 +11,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from reba.import_path import leave_out_for_started
+from reba.import_path import SAFE_PATH, left_out_for_started
 from reba.interrupts import held_back
 
 TASKS_PER_WORKER: Final = 2
@@ -71,8 +71,6 @@ class Processes:
     """
 
     def __init__(self, jobs: int) -> None:
-        # Workers, and the process that cleans up after them, would import a numpy.py of the current folder.
-        leave_out_for_started()
         self.jobs = jobs
         self._pool = self._start(jobs)
 
@@ -119,9 +117,11 @@ class Processes:
         from joblib.externals.loky import ProcessPoolExecutor
         from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-        for tracker in (resource_tracker, loky_tracker):  # started on demand, they let signals through again
-            tracker.ensure_running()
-        env = {name: "1" for name in THREAD_VARIABLES if name not in os.environ}
+        # Workers, and the processes that clean up after them, would import a numpy.py of the current folder.
+        with left_out_for_started():
+            for tracker in (resource_tracker, loky_tracker):  # started on demand, they let signals through again
+                tracker.ensure_running()
+        env = SAFE_PATH | {name: "1" for name in THREAD_VARIABLES if name not in os.environ}
         with held_back():  # a semaphore that is half made at an interrupt is complained of at the end
             return ProcessPoolExecutor(jobs, initializer=_exit_with_parent, initargs=(os.getpid(),), env=env)
 

@@ -22,9 +22,8 @@ STARTS: dict[str, dict[str, str]] = {
 
 
 def run(folder: Path, call: list[str], variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    """Run Python with some variables; a pool of workers in another test may have set the safe path for all."""
-    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
-    environment = {**inherited, "PYTHONPATH": str(ROOT), **variables}
+    """Run Python with some variables."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
     return subprocess.run(
         [sys.executable, *call], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
@@ -47,6 +46,20 @@ def test_nor_do_the_processes_that_they_start(start: str, tmp_path: Path) -> Non
     started = "import subprocess; sys.exit(subprocess.call([sys.executable, '-c', 'import click']))"
     done = run(tmp_path, ["-P", "-c", enter + started], STARTS[start])
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_workers_of_a_program_import_nothing_of_the_current_folder_and_its_environment_stays(tmp_path: Path) -> None:
+    (tmp_path / "click.py").write_text("raise SystemExit('imported')")
+    (tmp_path / "program.py").write_text(
+        "import os\n"
+        "from reba.batch.worker_pool import Processes\n"
+        "if __name__ == '__main__':\n"
+        "    before = dict(os.environ)\n"
+        "    with Processes(1) as pool:\n"
+        "        print('safe', pool.result(pool.submit(os.getenv, 'PYTHONSAFEPATH')), dict(os.environ) == before)\n"
+    )
+    done = run(tmp_path, ["program.py"], {})
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", "safe 1 True\n")
 
 
 def test_a_folder_that_the_user_names_stays(tmp_path: Path) -> None:
