@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Final
@@ -21,9 +22,23 @@ def is_split(name: str) -> bool:
     return _SPLIT.search(name) is not None
 
 
+def entries_of(folder: Path) -> list[Path]:
+    """Return the files and folders in a folder.
+
+    Raises:
+        OSError: it cannot be listed, or what it holds cannot be opened.
+    """
+    os.stat(os.path.join(folder, "."))  # needs the permission that its files need
+    return list(folder.iterdir())
+
+
 def is_recording_folder(path: Path) -> bool:
-    """Return whether a folder is one recording: a rosbag2 folder, or splits `x_0.mcap`, `x_1.mcap` ..."""
-    files = [(file.name, end) for file in path.iterdir() if (end := _SPLIT.search(file.name))]
+    """Return whether a folder is one recording: a rosbag2 folder, or splits `x_0.mcap`, `x_1.mcap` ...
+
+    Raises:
+        OSError: as in `entries_of`.
+    """
+    files = [(file.name, end) for file in entries_of(path) if (end := _SPLIT.search(file.name))]
     if (path / "metadata.yaml").is_file():
         return bool(files)
     parts = {end[1] for _, end in files}

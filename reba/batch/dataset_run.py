@@ -13,7 +13,7 @@ from typing import Any
 from reba.batch.dataset import Dataset, PendingRecording, scoring_settings
 from reba.batch.manifest import LOCK, Content, content_hash
 from reba.batch.parallel import run_parallel
-from reba.batch.run import RecordingResult, ScoringOptions, access_problem, score_one
+from reba.batch.run import RecordingResult, ScoringOptions, access_probe, score_one
 from reba.batch.worker_pool import WorkerDied
 from reba.errors import ReadError
 from reba.file_stamp import CHANGED_WHILE_READ, TRY_AGAIN, stamp_before, stamp_of
@@ -91,10 +91,8 @@ def score_into(
         keep_scores=keep_scores,
         remote=remote,
     )
-    probe = None
-    if pending:
-        lock = str(dataset.folder / LOCK)
-        probe = partial(access_problem, pending[0].path, str(dataset.folder), lock, dataset.token)
+    lock = str(dataset.folder / LOCK)
+    probe = access_probe([one.path for one in pending], str(dataset.folder), lock, dataset.token)
     jobs = min(jobs, max(len(pending), 1))
     for recording, result in run_parallel(work, _begun(dataset, pending), jobs=jobs, scheduler=scheduler, probe=probe):
         _record(dataset, run, recording, result, settings)

@@ -22,6 +22,7 @@ from reba.outputs import FileOutput, FolderOutput, check_outputs
 from reba.readers import is_recording, is_recording_folder, read
 from reba.readers.formats.score_file import is_score_file
 from reba.readers.recording.profile import Profile, find_profile
+from reba.recording_folder import entries_of
 from reba.scored_files import score_recorded
 from reba.scores import Scores, score
 from reba.writers import SUFFIXES, table_output, write_scores
@@ -110,10 +111,11 @@ def find_inputs(names: Sequence[str]) -> list[str]:
     """Return the recordings named by files and folders, in order, each once.
 
     A folder that is itself one recording (a rosbag2 folder of splits) is one input; any other folder gives the
-    recordings in it at any depth, except score tables.
+    recordings in it at any depth, except score tables. A folder in it that cannot be read is an input as well, as is
+    a recording that cannot be read: scoring it is an error that names it.
 
     Raises:
-        RebaError: a path does not exist or cannot be read, or a folder contains no recording.
+        RebaError: a path does not exist, or a folder contains no recording.
     """
     inputs: dict[str, None] = {}
     for name in names:
@@ -121,39 +123,42 @@ def find_inputs(names: Sequence[str]) -> list[str]:
         try:
             if not name or not path.exists():
                 raise RebaError(f"{name or 'an empty name'}: there is no such file or folder; check the path")
-            if not path.is_dir() or is_recording_folder(path):
-                inputs[name] = None
-                continue
-            recordings = _recordings_in(path)
+            recordings = _recordings_in(path) if path.is_dir() else [path]
         except OSError as error:
             raise RebaError(f"{error.filename or name}: {error.strerror or error}; give readable files") from error
         if not recordings:
             raise RebaError(f"{name}: the folder contains no recording; `reba info FILE` says why a file is not one")
-        inputs.update(dict.fromkeys(map(str, recordings)))
+        inputs.update(dict.fromkeys([name] if recordings == [path] else map(str, recordings)))
     return list(inputs)
 
 
 def _recordings_in(top: Path) -> list[Path]:
-    """Return the recordings below a folder, sorted; each real folder is entered once, however many links name it."""
+    """Return the recordings below a folder or the folder itself, sorted, with the folders that cannot be read.
+
+    Each real folder is entered once, however many links name it.
+    """
     recordings: list[Path] = []
     entered: set[tuple[int, int]] = set()
     folders, links = [top], deque[Path]()
     while folders or links:
         folder = folders.pop() if folders else links.popleft()  # links last: a path without links is preferred
-        status = folder.stat()
-        if (status.st_dev, status.st_ino) in entered:
-            continue
-        entered.add((status.st_dev, status.st_ino))
-        if folder != top and is_recording_folder(folder):
+        try:
+            status = folder.stat()
+            if (status.st_dev, status.st_ino) in entered:
+                continue
+            entered.add((status.st_dev, status.st_ino))
+            if is_recording_folder(folder):
+                recordings.append(folder)
+            elif not (folder / MANIFEST).is_file():  # else a dataset of scores
+                for path in entries_of(folder):
+                    if path.name.startswith(".") or path.name.endswith(SCORED_SUFFIX):
+                        continue
+                    if path.is_dir():
+                        (links if path.is_symlink() else folders).append(path)
+                    elif is_recording(path) and not is_score_file(path):
+                        recordings.append(path)
+        except OSError:  # whoever reads the folder as a recording gets the error
             recordings.append(folder)
-        elif not (folder / MANIFEST).is_file():  # else a dataset of scores
-            for path in folder.iterdir():
-                if path.name.startswith(".") or path.name.endswith(SCORED_SUFFIX):
-                    continue
-                if path.is_dir():
-                    (links if path.is_symlink() else folders).append(path)
-                elif is_recording(path) and not is_score_file(path):
-                    recordings.append(path)
     return sorted(recordings)
 
 
@@ -252,7 +257,7 @@ def score_many(
     work = partial(_score_numbered, output=target, options=options, keep_scores=keep_scores, as_ros=as_ros)
     tasks = [(number, str(Path(name).resolve()) if remote else name) for number, name in enumerate(inputs)]
     results: dict[int, RecordingResult] = {}
-    probe = partial(access_problem, tasks[0][1], "" if target is None else str(target.parent)) if tasks else None
+    probe = access_probe([path for _, path in tasks], "" if target is None else str(target.parent))
     jobs = max(1, min(jobs, len(inputs)))
     for (number, path), result in run_parallel(work, tasks, jobs=jobs, scheduler=scheduler, probe=probe):
         if isinstance(result, WorkerDied):
@@ -262,6 +267,13 @@ def score_many(
         results[number] = replace(result, input=inputs[number])
         on_done(inputs[number])
     return [results[number] for number in sorted(results)]
+
+
+def access_probe(recordings: Sequence[str], *others: str) -> Callable[[], str] | None:
+    """Return what checks a worker's access, `access_problem`, with a recording that can be read here, if any can."""
+    readable = (one for one in recordings if not access_problem(one))
+    first = next(readable, None)
+    return None if first is None else partial(access_problem, first, *others)
 
 
 def access_problem(recording: str, folder: str = "", mark: str = "", text: str = "") -> str:

@@ -10,12 +10,13 @@ from pathlib import Path
 
 from reba.errors import ReadError
 from reba.files import sha256_of
+from reba.open_file import open_regular
 from reba.readers.formats.file_content import GZIP, head_of, is_packed, unpacked_name
 from reba.readers.formats.not_read import refuse_by_content, refuse_by_name
 from reba.readers.formats.score_file import mcap_record
 from reba.readers.mcap import is_mcap, open_mcap, sniff
 from reba.readers.recording.stream import Recording
-from reba.recording_folder import is_split
+from reba.recording_folder import entries_of, is_split
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
         if not place.is_dir() and not place.is_file():
             raise ReadError(place, "not a regular file", hint="save the recording to a file")
         if place.is_dir():
-            next(place.iterdir(), None)
+            entries_of(place)
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
 
@@ -176,17 +177,20 @@ def _with_record(recording: Recording) -> Recording:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file is a recording by its name and its first bytes."""
+    """Return whether a file is a recording by its name and its first bytes; by its name if it cannot be opened."""
+    if not path.is_file():
+        return False
+    name = unpacked_name(path)
+    named = [known for known in FORMATS if name.suffix.lower() in known.extensions]
     try:
-        if not path.is_file():
-            return False
+        open_regular(path).close()
         if sniff(path):
             return is_mcap(path) or is_split(path.name)  # SQLite files are of many programs
-        name = unpacked_name(path)
-        named = [known for known in FORMATS if name.suffix.lower() in known.extensions]
         head = head_of(path) if named else b""
-    except OSError:
+    except FileNotFoundError:  # removed since
         return False
+    except OSError:
+        return bool(named) or is_split(path.name)
     return any(known.fits(name, head) for known in named)
 
 

@@ -1,11 +1,15 @@
-"""The recordings below a folder with many links: each real folder once, in time linear in their number."""
+"""The recordings below a folder: each real folder once, in time linear in the links; what is unreadable fails alone."""
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
-from reba.batch.run import find_inputs
+import pytest
+
+from reba.batch.run import access_probe, find_inputs
+from tests.support.permissions import run_heeding
 
 TABLE = "time,trunk_flexion,neck_flexion\n0,10,5\n1,70,5\n"
 DEPTH = 30
@@ -48,3 +52,33 @@ def test_folders_of_any_depth_and_links_to_nothing_are_passed(tmp_path: Path) ->
     (tmp_path / "self").symlink_to(tmp_path / "self")
     os.mkfifo(tmp_path / "pipe.csv")
     assert find_inputs([str(tmp_path)]) == [str(folder / "shift.csv")]
+
+
+@pytest.mark.parametrize("where", [(), ("-o",)])
+def test_what_cannot_be_read_in_a_folder_fails_alone(tmp_path: Path, where: tuple[str, ...]) -> None:
+    given = tmp_path / "given"
+    for name, mode in (("good", 0o755), ("unlisted", 0o300), ("unopened", 0o600), ("closed", 0)):
+        (given / name).mkdir(parents=True)
+        (given / name / "shift.csv").write_text(TABLE)
+        (given / name).chmod(mode)
+    for name in ("shift.csv.gz", "shift_0.mcap", "notes.txt"):
+        (given / name).write_text("")
+        (given / name).chmod(0)
+    out = (*where, *(tmp_path / "scores" for _ in where))
+    done = run_heeding("reba", "score", given, *out, "--json")
+    for folder in given.iterdir():
+        folder.chmod(0o755)
+    assert done.returncode == 1, done.stderr
+    told = json.loads(done.stdout)
+    assert [one["input"] for one in told["recordings"]] == [str(given / "good" / "shift.csv")]
+    failed = {Path(one["input"]).name: one["error"] for one in told["failed"]}
+    assert sorted(failed) == ["closed", "shift.csv.gz", "shift_0.mcap", "unlisted", "unopened"]
+    assert all("Permission denied" in error for error in failed.values())
+
+
+def test_a_worker_is_checked_with_a_recording_that_can_be_read_here(tmp_path: Path) -> None:
+    (tmp_path / "shift.csv").write_text(TABLE)
+    probe = access_probe([str(tmp_path / "absent"), str(tmp_path / "shift.csv")])
+    assert probe is not None
+    assert probe() == ""
+    assert access_probe([str(tmp_path / "absent")]) is None
