@@ -204,7 +204,7 @@ def cluster(work: Path) -> dict[str, object]:
         for victim in victims:
             os.killpg(started[victim].pid, signal.SIGKILL)
             time.sleep(0.5)
-        _, errors = job.communicate(timeout=300)
+        _, errors = job.communicate(timeout=1800)  # to end what hangs
         outcomes.append(f"{' + '.join(victims)}: exit {job.returncode}, {len(errors.splitlines())} lines")
         for process in started.values():
             if process.poll() is None:

@@ -3,7 +3,7 @@
 A server on the loopback interface is reachable from every web page that a browser on this machine shows: by requests
 to its port (their `Origin` names the page), and under a name of that page's site which comes to point here (DNS
 rebinding; the `Host` names that). Both are refused. Connections are few, carry one request each, and end if the client
-neither asks nor reads, so that no client can hold up the other ones.
+neither asks, sends nor reads, so that no client that falls silent holds up the other ones.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Any, Final
 MAX_CONNECTIONS: Final = 64
 """Connections at a time; further ones are closed at once. A browser opens six for a page."""
 WAIT_SECONDS: Final = 10.0
-"""[s] For a complete request, and for a client that does not read to read on."""
+"""[s] For a complete head of a request, for the next part of its body, and for a client that does not read to read on.
+"""
 LOOPBACK: Final = ("localhost", "127.0.0.1", "[::1]")
 HEADERS: Final = (
     (b"x-content-type-options", b"nosniff"),
@@ -91,6 +92,7 @@ def bounded_connection(wait_seconds: float = WAIT_SECONDS) -> type[asyncio.Proto
             """Refuse the connection if there are enough, else expect a request."""
             super().connection_made(transport)
             self._timers: dict[str, asyncio.TimerHandle] = {}
+            self._received = False
             if len(self.connections) > MAX_CONNECTIONS:
                 transport.abort()
             else:
@@ -101,6 +103,11 @@ def bounded_connection(wait_seconds: float = WAIT_SECONDS) -> type[asyncio.Proto
             for timer in self._timers.values():
                 timer.cancel()
             super().connection_lost(exc)
+
+        def data_received(self, data: bytes) -> None:
+            """Note that the client sends."""
+            self._received = True
+            super().data_received(data)
 
         def pause_writing(self) -> None:
             """Expect that a client whose answer fills the buffer reads on."""
@@ -115,9 +122,11 @@ def bounded_connection(wait_seconds: float = WAIT_SECONDS) -> type[asyncio.Proto
         def _expect_request(self) -> None:
             def check() -> None:
                 # Without a cycle there is no request yet; a closing connection has an answer that is not fetched.
-                if self.cycle is None or self.transport.is_closing():
+                silent = self.cycle is None or (self.cycle.more_body and not self._received)
+                if silent or self.transport.is_closing():
                     self.transport.abort()
                 else:
+                    self._received = False
                     self._expect_request()
 
             self._timers["request"] = self.loop.call_later(wait_seconds, check)

@@ -14,6 +14,7 @@ from reba.checks import is_finite, shown
 from reba.errors import RebaError
 from reba.method.measurement_error import MEASUREMENTS
 from reba.method.rules import PRESETS
+from reba.outputs import LONGEST_NAME
 from reba.posture.factors import COUPLINGS, SUPPORTS
 from reba.posture.table import PostureTable
 from reba.readers import read
@@ -30,7 +31,7 @@ MOST_TASKS: Final = 50
 LARGEST_LOAD: Final = 1e4
 """[kg] As of the commands."""
 MOST_NAME: Final = 200
-"""Letters of the name of a file or a task."""
+"""Letters of the name of a task."""
 CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "rules": tuple(PRESETS),
     "coupling": COUPLINGS,
@@ -193,8 +194,10 @@ class Recordings:
 def _file_name(name: str) -> str:
     """Return the last part of a name that a browser gives, which can be that of a file."""
     last = PureWindowsPath(name.replace("/", "\\")).name
-    if not last or last.startswith(".") or not last.isprintable() or len(last) > MOST_NAME:
+    if not last or last.startswith(".") or not last.isprintable():
         raise RebaError(f"the file is named {name[:80]!r}; give it a name of letters, digits and an ending")
+    if len(last.encode()) > LONGEST_NAME:
+        raise RebaError(f"the name {last[:80]!r}... has {len(last.encode())} bytes; give one of at most {LONGEST_NAME}")
     return last
 
 
@@ -209,20 +212,26 @@ def _settings(given: Mapping[str, Any]) -> tuple[dict[str, Any], str, str | None
     load = given.get("load")
     if load is not None and not (is_finite(load) and 0 <= load <= LARGEST_LOAD):
         raise RebaError(f"load is {shown(load)} kg; expected a number from 0 to {LARGEST_LOAD:g}")
+    for name in ("shock", "arm_supported"):
+        if not isinstance(given.get(name), bool | None):
+            raise RebaError(f"{name} is {shown(given[name])}; expected true or false")
     factors = {name: given[name] for name in ("coupling", "support") if given.get(name)}
-    factors |= {name: True for name in ("shock", "arm_supported") if given.get(name) is True}
+    factors |= {name: True for name in ("shock", "arm_supported") if given.get(name)}
     factors |= {} if load is None else {"load": float(load)}
     return factors, given.get("rules") or "measured", given.get("error") or None
 
 
 def _tasks(given: Any, whole: str) -> list[tuple[str, float | None, float | None]]:
-    if not given:
+    if given is None or given == []:
         return [(whole, None, None)]
     if not isinstance(given, list) or len(given) > MOST_TASKS or not all(isinstance(one, Mapping) for one in given):
         raise RebaError(f"tasks: expected a list of at most {MOST_TASKS} with name, start and end")
     tasks = []
     for one in given:
-        name, times = str(one.get("name") or whole)[:MOST_NAME], [one.get("start"), one.get("end")]
+        unknown = sorted(set(one) - {"name", "start", "end"})
+        if unknown or not isinstance(one.get("name", ""), str):
+            raise RebaError(f"task {shown(one)}: expected a text as name, start and end")
+        name, times = (one.get("name") or whole)[:MOST_NAME], [one.get("start"), one.get("end")]
         for time in times:
             if time is not None and not is_finite(time):
                 raise RebaError(f"task {name!r}: {shown(time)} is no time; expected seconds")

@@ -14,7 +14,7 @@ from reba.app.recordings import CHOICES, RESULTS, Recordings
 from reba.errors import RebaError
 from reba.extras import missing
 from reba.files import from_json
-from reba.loopback import Guard, bounded_connection
+from reba.loopback import WAIT_SECONDS, Guard, bounded_connection
 from reba.report.page import read, template
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class AppServer:
 
     Args:
         port: 0 for any free one.
+        wait_seconds: see `reba.loopback.WAIT_SECONDS`.
 
     Attributes:
         address: URL of the page.
@@ -43,7 +44,7 @@ class AppServer:
         RebaError: the port is in use.
     """
 
-    def __init__(self, port: int = 0) -> None:
+    def __init__(self, port: int = 0, *, wait_seconds: float = WAIT_SECONDS) -> None:
         try:
             import starlette  # noqa: F401
             import uvicorn
@@ -65,7 +66,7 @@ class AppServer:
         app = Guard(application(Recordings(Path(self._folder.name))), HOST, number, METHODS)
         config = uvicorn.Config(
             app,
-            http=bounded_connection(),
+            http=bounded_connection(wait_seconds),
             ws="none",
             lifespan="off",
             log_level="critical",  # requests that cannot be answered are the client's problem

@@ -200,7 +200,7 @@ def test_readers_of_events_that_never_read_do_not_delay_the_run(server: PageServ
         start = time.monotonic()
         for number in range(2, 3000):
             hub.add(Event(number, 0.0, 0, "running", "started", "x" * 100))
-        assert time.monotonic() - start < 1.0
+        assert time.monotonic() - start < 20.0  # a reader that is waited for would never read
     assert get(server)[0] == 200
 
 

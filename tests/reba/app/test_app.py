@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import shutil
+import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +17,9 @@ import pytest
 
 import reba
 from reba.app.recordings import Recordings
+from reba.app.server import AppServer
 from reba.errors import RebaError
+from reba.loopback import MAX_CONNECTIONS
 from tests.support.browser import chromium, needs_browser, resize, until
 from tests.support.paths import ROOT
 from tests.support.says import says
@@ -27,8 +32,6 @@ RECORDING = ROOT / "datasets" / "simulated_assembly.csv"
 
 @pytest.fixture
 def address() -> Iterator[str]:
-    from reba.app.server import AppServer
-
     server = AppServer()
     folder = Path(server._folder.name)
     thread = threading.Thread(target=server.run)
@@ -124,6 +127,69 @@ def test_what_is_no_recording_is_one_line(address: str, name: str, content: byte
 
 
 @pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        ("..%5c..%5cshift.csv", "shift.csv"),
+        ("..%2f..%2fshift.csv", "shift.csv"),
+        ("/etc/shift.csv", "shift.csv"),
+        ("a.csv&name=../shift.csv", "shift.csv"),
+        ("%22%3cb%3e;%27.csv", "\"<b>;'.csv"),
+        (f"{'%c3%a4' * 125}.csv", f"{'ä' * 125}.csv"),
+        ("%2e%2e", ""),
+        ("x%00.csv", ""),
+        ("x%1b%5b31m.csv", ""),
+        ("x%0d%0aSet-Cookie:1.csv", ""),
+        ("%e2%80%aevsc.csv", ""),
+        (f"{'%c3%a4' * 126}.csv", ""),
+        (f"{'%f0%9f%98%80' * 180}.csv", ""),
+        ("a" * 256, ""),
+    ],
+)
+def test_a_name_is_that_of_a_file_or_refused(address: str, name: str, kept: str) -> None:
+    status, answer = ask(address, "POST", f"/recordings?name={name}", RECORDING.read_bytes())
+    assert (status, answer.get("name", "")) == (200 if kept else 400, kept)
+    if kept:
+        status, scored = ask(address, "POST", f"/recordings/{answer['id']}/scores", {})
+        assert (status, scored["name"]) == (200, kept)
+    else:
+        assert answer["error"].isprintable()
+
+
+WAIT = 0.5
+"""[s] That the server of the next test waits for a client."""
+
+
+def test_uploads_that_fall_silent_hold_up_no_other_one(tmp_path: Path) -> None:
+    server = AppServer(wait_seconds=WAIT)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    port = int(server.address.rstrip("/").rpartition(":")[2])
+    head = f"POST /recordings?name=a.csv HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 1000\r\n\r\n".encode()
+    try:
+        with contextlib.ExitStack() as stack:
+            clients = [
+                stack.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(MAX_CONNECTIONS)
+            ]
+            for client in clients:
+                client.sendall(head + b"time,")
+            sending = clients.pop()  # a client that sends on is waited for
+            for _ in range(12):
+                time.sleep(WAIT / 3)
+                sending.sendall(b"x")
+            for client in clients:
+                client.settimeout(5.0)
+                with contextlib.suppress(ConnectionResetError):
+                    assert client.recv(100) == b""
+            assert len(list(Path(server._folder.name).iterdir())) == 1  # what was sent is not kept
+            assert ask(server.address, "GET", "/")[0] == 200
+            sending.sendall(b"x" * 983)
+            assert sending.recv(100).startswith(b"HTTP/1.1 200")
+    finally:
+        server.stop()
+        thread.join(10.0)
+
+
+@pytest.mark.parametrize(
     ("settings", "facts"),
     [
         ({"load": -1}, ("load", "-1")),
@@ -135,6 +201,11 @@ def test_what_is_no_recording_is_one_line(address: str, name: str, content: byte
         ({"colour": 1}, ("colour", "load")),
         ({"tasks": [{"name": "x", "start": "now"}]}, ("'x'", "'now'", "seconds")),
         ({"tasks": "all"}, ("tasks", "list")),
+        ({"tasks": {}}, ("tasks", "list")),
+        ({"tasks": [{"name": 5}]}, ("task", "text")),
+        ({"tasks": [{"begin": 5}]}, ("task", "start")),
+        ({"shock": "yes"}, ("shock", "'yes'", "true")),
+        ({"arm_supported": 1}, ("arm_supported", "1", "true")),
         ({"tasks": [{"name": "late", "start": 1e6}]}, ("1",)),
     ],
 )
