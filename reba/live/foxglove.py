@@ -6,6 +6,7 @@ to the signal; `/ergonomics/figure`, a `foxglove.SceneUpdate` in the frame `reba
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -53,6 +54,8 @@ class FoxgloveServer:
         except ImportError as error:
             raise missing("foxglove", "--foxglove") from error
         self._messages = messages
+        # Its messages quote what clients send, escape codes as they are; what they ask is no matter of the command.
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL + 1)
         # Referenced as long as the server lives: channels close with their context.
         context = self._context = foxglove.Context()
         schema = foxglove.Schema(name="reba.Live", encoding="jsonschema", data=encoder()(record_schema()))

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import builtins
 import json
+import os
+import re
 import resource
 import struct
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +22,7 @@ from reba.live.notices import FrameWatch
 from reba.live.session import Alert, LiveScorer
 from tests.reba.live.test_session import frames
 from tests.support.json_viewer import problems_of_message, problems_of_schema
+from tests.support.paths import ROOT
 from tests.support.says import says
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
@@ -144,6 +150,31 @@ def test_the_sdk_encodes_the_skeleton(server: FoxgloveServer) -> None:
     update = server.scene(skeleton_markers(block.angles[0], scores, 0), records[0], 10**9)
     assert isinstance(update, messages.SceneUpdate)
     assert len(update.encode()) > 500
+
+
+def test_nothing_that_a_client_sends_reaches_the_terminal(tmp_path: Path) -> None:
+    words = [sys.executable, "-P", "-m", "reba", "live", "-", "--foxglove", "0"]
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=tmp_path,
+    ) as process:  # fmt: skip
+        assert process.stdin
+        assert process.stderr
+        address = re.search(r"ws://[\d.:]+", process.stderr.readline())
+        assert address
+        hostile = "\x1b[31mforged"
+        for text in (json.dumps({"op": hostile}), json.dumps({"op": "subscribe", "subscriptions": hostile}), hostile):
+            client = websocket.create_connection(address[0], subprotocols=PROTOCOLS, timeout=20)
+            client.recv()
+            client.send(text)
+            client.ping()
+            while client.recv_data(control_frame=True)[0] != websocket.ABNF.OPCODE_PONG:
+                pass
+            client.sock.close()  # without a word, which it would tell
+        process.stdin.close()
+        told = process.stderr.read()
+    assert "forged" not in told
+    assert "127.0.0.1:" not in told
 
 
 def test_a_port_that_is_taken_is_one_line(server: FoxgloveServer) -> None:
