@@ -51,7 +51,7 @@ def test_nor_do_the_processes_that_they_start(start: str, tmp_path: Path) -> Non
 def test_workers_of_a_program_import_nothing_of_the_current_folder_and_its_environment_stays(tmp_path: Path) -> None:
     (tmp_path / "click.py").write_text("raise SystemExit('imported')")
     (tmp_path / "program.py").write_text(
-        "import os\n"
+        "import joblib, os\n"  # its import sets a variable
         "from reba.batch.worker_pool import Processes\n"
         "if __name__ == '__main__':\n"
         "    before = dict(os.environ)\n"
