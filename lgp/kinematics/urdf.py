@@ -18,6 +18,8 @@ from reba.open_file import read_regular
 
 URDF_BYTES: Final = 1 << 24
 """[bytes] Largest file; a choice."""
+MOST_LINKS: Final = 1000
+"""A choice: the libraries descend from link to link, and some thousands in a chain overflow their stack."""
 SIZES: Final = {
     "box": {"size": 3},
     "cylinder": {"radius": 1, "length": 1},
@@ -55,6 +57,8 @@ def read_urdf(path: Path, base: PlanarBase | None = None) -> tuple[ET.Element, s
     _once(names, "link", path)
     if not names:
         raise WorldError(f"{path}: has no <link>, expected one or more; export the robot again")
+    if len(names) > MOST_LINKS:
+        raise WorldError(f"{path}: has {len(names)} links, expected at most {MOST_LINKS}; merge those that are fixed")
     for element in root.findall("material"):
         _material(element, f"{path}: material {str(element.get('name'))!r}")
     for element in root.findall("link"):
