@@ -13,7 +13,7 @@ from lgp.errors import LgpError
 from lgp.execution.predicates import TOGETHER, evaluate_predicate, grasped
 from lgp.execution.tracking import TrackedPose, TrackedWorld
 from lgp.kinematics.attachments import UPRIGHT, resting
-from lgp.kinematics.features import logarithm
+from lgp.kinematics.features import exponential, logarithm
 from lgp.logic.task import Atom, Task
 from lgp.scene.model import Scene, Table
 from lgp.scene.scene_file import read_scene
@@ -88,6 +88,16 @@ def in_hand(hand: TrackedPose, at: TrackedPose) -> tuple[Array, Array]:
     return hand.rotation.T @ at.rotation, hand.rotation.T @ (at.position - hand.position)
 
 
+def levelled(at: TrackedPose, inclined: float) -> TrackedPose:
+    """Return a pose with one of its axes exactly vertical, if that is within `inclined` [rad] of it."""
+    nearest = int(np.argmax(np.abs(at.rotation[2])))
+    axis = np.cross(at.rotation[:, nearest], [0.0, 0.0, np.sign(at.rotation[2, nearest])])
+    sine = float(np.linalg.norm(axis))
+    if not 0.0 < sine <= np.sin(inclined):
+        return at
+    return TrackedPose(exponential(axis / sine * np.arcsin(sine)) @ at.rotation, at.position, at.time)
+
+
 def on_table(table: Table, at: TrackedPose) -> tuple[float, float, float, str]:
     """Return x, y [m], yaw [deg] on the top of a table and the axis that points upwards of an object on it."""
     up = max(UPRIGHT, key=lambda axis: float(at.rotation[2, "xyz".index(axis)]))
@@ -125,7 +135,7 @@ def _placed(scene: Scene, view: TrackedWorld, name: str, hand: str, values: dict
         raise ObjectUnavailable(f"{name} is lost from tracking; bring it into view of the tracker")
     kept = {key: value for key, value in values.items() if key not in ("at", "hand", "in_hand", "up")}
     if hand:
-        rotation, position = in_hand(view.hand(hand), view.now.objects[name])
+        rotation, position = in_hand(view.hand(hand), levelled(view.now.objects[name], view.tolerances.inclined))
         vector = np.degrees(logarithm(rotation[None])[0])
         return kept | {"hand": hand, "in_hand": [*position.tolist(), *vector.tolist()]}
     table = view.table_under(name)

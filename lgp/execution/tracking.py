@@ -56,6 +56,7 @@ class Tolerances:
         reach: largest distance between the grasping point of a hand and the box of an object in it [m].
         still: largest distance from its mean position over the window of an object at rest [m].
         level: largest gap between the underside of an object and the table it lies on [m].
+        inclined: largest inclination of an object in a hand that counts as level: the noise of trackers [rad].
         moved, turned: largest deviation of an object from its planned pose [m, rad].
         joints: largest deviation of a robot joint from the initial configuration of a motion [rad, m].
         window: length of the observed past [s].
@@ -66,6 +67,7 @@ class Tolerances:
     reach: float = 0.03
     still: float = 0.01
     level: float = 0.02
+    inclined: float = 0.015
     moved: float = 0.015
     turned: float = 0.15
     joints: float = 0.02

@@ -8,7 +8,9 @@ import pytest
 
 import lgp
 from lgp.execution.faults import KINDS, parse_fault
+from lgp.scene.scene_file import read_scene
 from tests.support.execution_plans import saved, went
+from tests.support.gantry import scene_values
 from tests.support.lgp_worlds import needs_robots
 from tests.support.says import says
 
@@ -43,3 +45,14 @@ def test_a_fault_after_the_last_action_is_refused(folder: Path) -> None:
 
 def test_every_kind_of_fault_is_explained() -> None:
     assert all(parse_fault(f"{kind}@1").amount == amount for kind, (amount, _) in KINDS.items())
+
+
+def test_a_robot_that_cannot_turn_in_every_direction_places_what_was_moved(tmp_path: Path) -> None:
+    # The grip is tracked with noise, and the gantry cannot level what it holds.
+    scene = read_scene(scene_values(tmp_path, goal=["placed(box, table.b)"]))
+    plan = lgp.plan(scene, None, collisions=False, seconds=600)
+    assert plan.feasible, plan.reason
+    plan.save(tmp_path / "plan")
+    summary, events = went(tmp_path / "plan", "moved@1")
+    assert summary["state"] == "finished", summary["why"]
+    assert [event.kind for event in events].count("ended") == 2

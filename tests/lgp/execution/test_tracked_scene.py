@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from lgp.execution.predicates import free, grasped
-from lgp.execution.tracked_scene import atoms_now, carrier, scene_now
+from lgp.execution.tracked_scene import atoms_now, carrier, levelled, scene_now
+from lgp.execution.tracking import TrackedPose
+from lgp.kinematics.attachments import UPRIGHT
+from lgp.kinematics.features import exponential
 from lgp.kinematics.world import World
 from lgp.logic.task import parse_atom
 from lgp.planner import task_of
@@ -56,3 +59,14 @@ def test_the_scene_that_is_seen_is_the_scene_that_was(world: World) -> None:
     task = task_of(scene)
     again = scene_now(scene, simulation.view, set(), task.holding(task.initial))
     np.testing.assert_allclose(again.objects["box"].at, box.at, atol=1e-9)
+
+
+@pytest.mark.parametrize("stands", [*UPRIGHT.values(), np.diag([1.0, -1.0, -1.0])])
+def test_an_object_is_level_within_the_noise_of_the_tracker(stands: np.ndarray) -> None:
+    yaw, noise = exponential(np.array([0.0, 0.0, 0.8])), exponential(np.array([0.006, -0.008, 0.0]))
+    seen = TrackedPose(noise @ yaw @ stands, np.array([1.0, 2.0, 3.0]), 4.0)
+    level = levelled(seen, 0.0101)
+    np.testing.assert_allclose(level.rotation, yaw @ stands, atol=1e-4)
+    assert np.isclose(np.abs(level.rotation[2]).max(), 1.0, atol=1e-12)
+    assert levelled(seen, 0.0099) is seen
+    np.testing.assert_allclose(levelled(level, 0.01).rotation, level.rotation, atol=1e-9)
