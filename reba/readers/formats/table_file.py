@@ -19,7 +19,7 @@ from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import file_bytes
 from reba.readers.formats.header_rows import MOST_ROWS, names_of_rows
 from reba.readers.formats.score_file import parquet_record
-from reba.readers.formats.text import decode
+from reba.readers.formats.text import check_fields, decode
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
         names = _names(path, header, separator, line, log)
     else:
         names, line = _named(path, rows[0], log), line + rows[1] - 1
+    check_fields(path, data.count(b"\n"), len(names), len(data))
     # The faster way for most; columns that are written otherwise stay texts and are converted below or where used.
     comma = separator != "," and re.search(r"\d,\d", sample)
     with warnings.catch_warnings(record=True) as notes:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from itertools import chain, islice
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from reba.errors import ReadError
 from reba.readers.formats.file_content import file_bytes
 from reba.readers.recording.stream import ReadLog, clip
 
+FIELDS_PER_CHARACTER: Final = 64
+"""Most fields of a table per character of its text, those included that rows leave out; a choice: rows of a hundred
+markers that are not seen have thirty."""
 CHUNK = 20_000
 """Lines converted at once; limits the words in memory."""
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -99,6 +103,8 @@ def number_rows(
     """
     parts: list[Array] = []
     numbers: list[int] = []
+    if short:
+        check_fields(path, len(lines) - first, width, sum(map(len, lines)))
     last = next((index for index in range(len(lines) - 1, first - 1, -1) if _is_row(lines[index], separator)), -1)
     for start in range(first, len(lines), CHUNK):
         rows: list[list[str]] = []
@@ -126,6 +132,20 @@ def number_rows(
             parts.append(_convert(path, rows, numbers[-len(rows) :], gaps))
     table = np.concatenate(parts) if parts else np.empty((0, width if columns is None else len(columns)))
     return table, np.array(numbers, dtype=np.int64)
+
+
+def check_fields(path: Path, rows: int, width: int, characters: int) -> None:
+    """Check that rows which may lack fields have not many more of them than the file has characters.
+
+    Raises:
+        ReadError: they have, and would take much more memory than an honest file of this size.
+    """
+    if rows * width > FIELDS_PER_CHARACTER * characters:
+        raise ReadError(
+            path,
+            f"its {rows} rows have {width} fields by its header, which a file of {characters} characters does not fill",
+            hint="the header is damaged: export it again",
+        )
 
 
 def _is_row(line: str, separator: str | None) -> bool:
