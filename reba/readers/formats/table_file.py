@@ -120,6 +120,7 @@ def read_parquet(path: Path, log: ReadLog) -> TableFile:
         schema = attempt(lambda: file.schema_arrow)
         nested = [field.name for field in schema if pa.types.is_nested(field.type)]
         columns = [field.name for field in schema if field.name not in nested]
+        check_fields(path, file.metadata.num_rows, len(columns), path.stat().st_size)
         table = attempt(lambda: file.read(columns=columns))
     # Text that is not UTF-8 passes the reading and fails much later.
     attempt(lambda: table.validate(full=True))

@@ -16,9 +16,11 @@ from reba.errors import ReadError
 from reba.readers.formats.file_content import file_bytes
 from reba.readers.recording.stream import ReadLog, clip
 
-FIELDS_PER_CHARACTER: Final = 64
-"""Most fields of a table per character of its text, those included that rows leave out; a choice: rows of a hundred
-markers that are not seen have thirty."""
+FIELDS_PER_BYTE: Final = 64
+"""Most fields of a table per byte of its file, those included that rows leave out; a choice: rows of a hundred markers
+that are not seen have thirty."""
+FIELDS_ALWAYS: Final = 10_000_000
+"""Fields of a table that any file may have: they take 80 MB."""
 CHUNK = 20_000
 """Lines converted at once; limits the words in memory."""
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -134,17 +136,17 @@ def number_rows(
     return table, np.array(numbers, dtype=np.int64)
 
 
-def check_fields(path: Path, rows: int, width: int, characters: int) -> None:
-    """Check that rows which may lack fields have not many more of them than the file has characters.
+def check_fields(path: Path, rows: int, width: int, size: int) -> None:
+    """Check that a table has not many more fields than its file has bytes, as rows may lack some, or repeat others.
 
     Raises:
-        ReadError: they have, and would take much more memory than an honest file of this size.
+        ReadError: it has, and would take much more memory than an honest file of this size.
     """
-    if rows * width > FIELDS_PER_CHARACTER * characters:
+    if rows * width > max(FIELDS_ALWAYS, FIELDS_PER_BYTE * size):
         raise ReadError(
             path,
-            f"its {rows} rows have {width} fields by its header, which a file of {characters} characters does not fill",
-            hint="the header is damaged: export it again",
+            f"has {rows} rows of {width} fields, which no recording in a file of {size} bytes has",
+            hint="the file is damaged: export it again",
         )
 
 

@@ -1,10 +1,13 @@
-"""Tables whose rows lack fields: memory is bounded by the size of the file, not by its header times its rows."""
+"""Tables whose rows lack or repeat fields: the size of the file bounds the memory, not its header times its rows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import reba
@@ -48,6 +51,16 @@ def test_rows_that_lack_nearly_all_fields_of_a_large_header_are_refused(
     with pytest.raises(ReadError) as error:
         reba.read(path)
     says(error, path, "fields", "export it again")
+
+
+def test_a_packed_table_that_is_nearly_all_alike_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "shift.parquet"
+    schema = pa.schema([(name, pa.float64()) for name in ("time", "trunk_flexion", *names(20))])
+    same = pa.table([pa.array(np.zeros(1_000_000))] * len(schema), schema)
+    pq.write_table(same, path, compression="zstd", row_group_size=len(same))
+    with pytest.raises(ReadError) as error:
+        reba.read(path)
+    says(error, path, "1000000 rows", "22 fields", "export it again")
 
 
 def test_rows_in_which_no_marker_is_seen_are_gaps(tmp_path: Path) -> None:
