@@ -75,14 +75,15 @@ class McapBlockDecoder:
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
         self._signals = tuple(signals)
         self._newest = {id(track): track.clock.first for track in self._tracks.values() if track.clock}
-        for piece in contents.static.get((kind, parts[0].group), []):
-            self._merger.add_static(selected(piece, wanted))
+        static = [selected(piece, wanted) for piece in contents.static.get((kind, parts[0].group), [])]
+        self._merger.add_static([((header.clock.at(piece.log) - header.zero) / 1e9, piece) for piece in static])
 
     def go_on(self, before: McapBlockDecoder) -> None:
         """Go on where the decoder `before` is: with its time 0, its columns, and what it has not yet returned."""
+        later = (self._header.zero - before._header.zero) / 1e9
         self._header = replace(self._header, zero=before._header.zero)
         static, self._merger = self._merger, before._merger
-        self._merger.include(self._signals, static)
+        self._merger.include(self._signals, static, later)
         self.used, self.newest_log = before.used, before.newest_log
 
     @property

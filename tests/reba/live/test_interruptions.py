@@ -298,6 +298,13 @@ def test_a_mount_that_comes_late_is_used_from_then_on(tmp_path: Path, monkeypatc
     assert_same_from(8.5, live, tmp_path / "whole.mcap", messages)
 
 
+def test_a_mount_that_is_moved_is_used_from_then_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mounts = [transform(at, "map", "odom", lean, topic="/tf_static") for at, lean in ((0.0, 5.0), (9.0, 25.0))]
+    messages = [*leaning("odom"), *mounts]
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    assert_same_from(0.5, live, tmp_path / "whole.mcap", messages)
+
+
 def test_ids_with_a_pelvis_each_are_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     messages = []
     for number, first, last in ((1, 0, 6), (2, 6.2, 12)):
