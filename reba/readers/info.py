@@ -21,7 +21,7 @@ from reba.readers.parts import table_of_match
 from reba.readers.quality_control import parse_neutral
 from reba.readers.recognise import Match, choose, matches, presence
 from reba.readers.recording.profile import Profile, find_profile, profiles
-from reba.readers.recording.stream import Recording, Stream
+from reba.readers.recording.stream import JOINED, Recording, Stream
 
 MOST_ALTERNATIVES = 5
 
@@ -189,7 +189,7 @@ def _stream(stream: Stream, recording: Recording, known: tuple[Profile, ...]) ->
 
 def _described(start: Info, match: Match, table: PostureTable, alternatives: tuple[str, ...]) -> Info:
     time, quality = table.data["time"].to_numpy(np.float64), table.quality
-    used = {account["stream"] for account in quality.accounts if account["used"]}
+    used = {topic for account in quality.accounts if account["used"] for topic in account["stream"].split(JOINED)}
     measured = tuple(column for column in COLUMNS if column not in table.unmeasured)
     return replace(
         start,

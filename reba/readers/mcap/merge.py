@@ -98,7 +98,8 @@ class Merger:
             poses[:] = [pose for pose, repeat in zip(poses, repeats, strict=True) if not repeat]
             if len(poses) > 1:
                 times = ", ".join(f"{time:.2f} s" for time, _ in poses[1:4]) + (" ..." if len(poses) > 4 else "")
-                self._log.warn(f"static transform of {names[column][0]!r} changes at {times}; each holds until the next")
+                name = repr(names[column][0])
+                self._log.warn(f"static transform of {name} changes at {times}; each holds until the next")
 
     def _placed(self, piece: Piece) -> tuple[Indices, Array]:
         """Return the columns (k,) of a piece and its values (n, k, width), without signals that are left out."""

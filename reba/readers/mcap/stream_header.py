@@ -40,17 +40,18 @@ class StreamHeader:
 
 def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Contents) -> StreamHeader | None:
     """Return the header of the stream of some channels, None if none of its messages is usable."""
-    of = (kind, parts[0].group)
+    groups = dict.fromkeys((kind, part.group) for part in parts)
     present: dict[Signal, Presence] = {}
-    for signals, one in contents.presence.get(of, Presences()).sets.items():
-        for signal in signals:
-            total = present.setdefault(signal, Presence())
-            total.messages += one.messages
-            total.intervals += one.intervals
+    for of in groups:
+        for signals, one in contents.presence.get(of, Presences()).sets.items():
+            for signal in signals:
+                total = present.setdefault(signal, Presence())
+                total.messages += one.messages
+                total.intervals += one.intervals
     clocks = [track.clock for part in parts if (track := contents.tracks.get(id(part))) and track.clock]
     if not present or not clocks:
         return None
-    for piece in contents.static.get(of, []):
+    for piece in (piece for of in groups for piece in contents.static.get(of, [])):
         for signal in zip(piece.names, piece.parents, strict=True):
             present.setdefault(signal, Presence())
     spans = {signal: united(one.intervals) for signal, one in present.items()}
@@ -62,7 +63,7 @@ def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Conte
     messages: Counter[str] = Counter()
     for name, parent in signals:
         messages[name] += present[name, parent].messages
-    clock = contents.clocks[clock_name(kind, of[1])]
+    clock = contents.clocks[clock_name(kind, parts[0].group)]
     first, logged = min(clock_.first for clock_ in clocks), min(clock_.first_log for clock_ in clocks)
     if kind == "angles" and clock.source == "header.stamp":
         # Rows of a posture table keep their time; the log time gives the epoch.
