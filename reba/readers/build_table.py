@@ -232,7 +232,7 @@ def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool)
         topic=match.stream.name,
         unmeasured=tuple(unmeasured),
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
-        assumed=(note,) if note else (),
+        assumed=tuple(text for text in (match.note, note) if text),
         recognised=match.why,
         quality=_quality(recording, match, 0.0, log, time, frames, _column_warnings(seen), strict),
         epoch=match.stream.epoch,

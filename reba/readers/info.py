@@ -19,7 +19,7 @@ from reba.readers import READING
 from reba.readers.formats import Paths, files_given, open_recording, paths_text
 from reba.readers.parts import table_of_match
 from reba.readers.quality_control import parse_neutral
-from reba.readers.recognise import Match, choose, matches, presence
+from reba.readers.recognise import Match, NotThere, choose, matches, presence
 from reba.readers.recording.profile import Profile, find_profile, profiles
 from reba.readers.recording.stream import JOINED, Recording, Stream
 
@@ -140,7 +140,7 @@ def info(
 
     Raises:
         ReadError: the file is unknown, damaged or empty, or changed while it was read; no frame lies in the interval.
-        ProfileError: the named profile does not exist or is wrong.
+        ProfileError: the named profile does not exist or is wrong, or there is no such stream or body.
         RebaError: `neutral` is wrong.
 
     Example:
@@ -167,6 +167,8 @@ def info(
         try:
             match = choose(recording, known, topic, named=named, body=body)
             table = table_of_match(recording, match, start, end, neutral=neutral, strict=strict)
+        except NotThere:
+            raise
         except ProfileError as error:
             ended = recording.log.ended_abnormally
             others = _alternatives(recording, known, None)

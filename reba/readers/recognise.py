@@ -125,7 +125,7 @@ def choose(
     same = alike(fitting, best)
     ids = dict.fromkeys(match.label for match in same)
     if len(ids) > 1:
-        one_person = in_turn(same)
+        one_person = in_turn(same) or _scored_last(recording, same)
         if one_person is not None:
             return replace(one_person, note="; ".join(filter(None, (one_person.note, rivals))))
         options = ", ".join(f"{match.label}{seconds_text(match)}" for match in same)
@@ -177,6 +177,10 @@ def _explaining_most(fitting: list[Match]) -> tuple[Match, str]:
 
 class SeveralBodies(ProfileError):
     """The recording has several bodies, of which the user has to choose one."""
+
+
+class NotThere(ProfileError):
+    """The recording has no stream or body of the name that the user gave."""
 
 
 class NoMatch(ProfileError):
@@ -281,6 +285,15 @@ def in_turn(same: Sequence[Match]) -> Match | None:
     )
 
 
+def _scored_last(recording: Recording, same: Sequence[Match]) -> Match | None:
+    """Return the newest scores of a file whose scores were scored again, else None: they are of one recording."""
+    streams = [match.stream.name for match in same]
+    if same[0].profile is not None or (recording.scored or {}).get("topic") not in streams:
+        return None
+    newest = max(same, key=lambda match: (len(match.stream.name), match.stream.name))  # reba, reba_2 ... reba_10
+    return replace(newest, note=f"scored {len(same)} times: the newest scores are read, {newest.stream.name}")
+
+
 def _without_id(match: Match) -> str:
     """Return the name of a stream without the id of a body as one of the words between its slashes."""
     words = match.stream.name.split("/")
@@ -322,7 +335,7 @@ def _of_topic(recording: Recording, candidates: list[Match], topic: str) -> list
     chosen = chosen or [match for match in candidates if match.body == topic]
     if not chosen and not any(stream.name in name.split(JOINED) for stream in recording.streams):
         options = [stream.name for stream in recording.streams] + [match.body for match in candidates if match.body]
-        raise ProfileError(
+        raise NotThere(
             f"{recording.path}: no stream {topic!r}{did_you_mean(topic, options)}; "
             f"streams and bodies are {', '.join(dict.fromkeys(options)) or 'none'}"
         )
@@ -334,7 +347,7 @@ def _of_body(recording: Recording, candidates: list[Match], body: str) -> list[M
     if not chosen:
         ids = dict.fromkeys(f"{match.body}{seconds_text(match)}" for match in candidates if match.body and match.fits)
         near = did_you_mean(body, [match.body for match in candidates if match.body])
-        raise ProfileError(f"{recording.path}: no body {body!r}{near}; bodies are {', '.join(ids) or 'without an id'}")
+        raise NotThere(f"{recording.path}: no body {body!r}{near}; bodies are {', '.join(ids) or 'without an id'}")
     return chosen
 
 
