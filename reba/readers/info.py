@@ -35,9 +35,9 @@ class StreamInfo:
         kind: "joints", "frames", "points" or "angles".
         type: what was decoded.
         names: of joints, segments, points or columns.
-        messages: of the name that has most of them.
+        messages: of all names.
         seconds: from the first to the last message.
-        rate: mean rate of these messages [Hz], NaN for fewer than two.
+        rate: mean rate [Hz] of the name that has most messages while it is there, NaN for fewer than two.
         bodies: id -> intervals [s since the start of the recording] in which the body is there; `body` of `reba.read`
             chooses one.
         used: whether `reba.read` uses it, alone or beside the one that it reads.
@@ -179,13 +179,17 @@ def info(
 def _stream(stream: Stream, recording: Recording, known: tuple[Profile, ...]) -> StreamInfo:
     ends = [end for spans in stream.present.values() for span in spans for end in span]
     seconds = max(ends) - min(ends) if ends else 0.0
-    messages = max(stream.messages.values(), default=stream.count or 0)
+    most = max(stream.messages, key=stream.messages.__getitem__, default="")
+    of_most = stream.messages.get(most, stream.count or 0)
+    spans = stream.present.get(most) or ([(min(ends), max(ends))] if ends else [])
+    there_for = sum(end - start for start, end in spans)
     there = {
         match.body: tuple(presence(match))
         for match in matches(recording, known)
         if match.stream is stream and match.fits and match.body
     }
-    rate = (messages - 1) / seconds if seconds > 0 and messages > 1 else float("nan")
+    rate = (of_most - len(spans)) / there_for if there_for > 0 and of_most > len(spans) else float("nan")
+    messages = stream.total or of_most
     return StreamInfo(stream.name, stream.kind, stream.format, stream.names, messages, seconds, rate, there)
 
 

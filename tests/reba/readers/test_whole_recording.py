@@ -279,6 +279,7 @@ def test_bodies_with_a_topic_each_may_follow_each_other(tmp_path: Path, apart: i
     np.testing.assert_array_equal(elbow(table), [*range(300), *range(320, 620)])
     says("; ".join(table.assumed), "one person", "a1 (0.0 to 3.0 s)", "b2")
     assert adds_up(table)
+    assert [(stream.messages, stream.rate) for stream in reba.info(path).streams] == [(300, pytest.approx(100))] * 2
     assert len(table.quality.accounts) == 1
     assert len(reba.read(path, body="b2").data) == 300
 
