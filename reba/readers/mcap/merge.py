@@ -92,9 +92,22 @@ class Merger:
                     steps = zip(time[there].tolist(), values[there, at], strict=True)
                     self._static.setdefault(column, []).extend(steps)
         names = list(self._columns)
+        absent = np.full(self._width, np.nan)
+        given = {column: [time for time, _ in poses] for column, poses in self._static.items()}
         for column, poses in self._static.items():
+            # A frame that is fixed to another parent is no longer in this one.
+            others = [
+                time
+                for other in given
+                if other != column and names[other][0] == names[column][0]
+                for time in given[other]
+            ]
+            before = [-np.inf] if others and min(others) < min(given[column]) else []
+            poses += [(time, absent) for time in (*before, *others)]
             poses.sort(key=lambda pose: pose[0])
-            repeats = [at > 0 and np.array_equal(poses[at - 1][1], pose) for at, (_, pose) in enumerate(poses)]
+            repeats = [
+                at > 0 and np.array_equal(poses[at - 1][1], pose, equal_nan=True) for at, (_, pose) in enumerate(poses)
+            ]
             poses[:] = [pose for pose, repeat in zip(poses, repeats, strict=True) if not repeat]
             if len(poses) > 1:
                 times = ", ".join(f"{time:.2f} s" for time, _ in poses[1:4]) + (" ..." if len(poses) > 4 else "")
