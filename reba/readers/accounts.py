@@ -42,7 +42,7 @@ def accounts_of(
 def _same_rows(stream: Stream, other: Stream) -> bool:
     """Return whether two streams are one, or the same rows of a table, whose points are offered as joints too."""
     tables = stream.format.endswith(TABLE) and other.format.endswith(TABLE)
-    return stream.name in other.topics and (stream.kind == other.kind or tables)
+    return stream.name in (other.name, *other.topics) and (stream.kind == other.kind or tables)
 
 
 def _name_other_bodies(match: Match, log: ReadLog) -> None:

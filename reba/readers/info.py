@@ -195,7 +195,8 @@ def _stream(stream: Stream, recording: Recording, known: tuple[Profile, ...]) ->
 
 def _described(start: Info, match: Match, table: PostureTable, alternatives: tuple[str, ...]) -> Info:
     time, quality = table.data["time"].to_numpy(np.float64), table.quality
-    used = {topic for account in quality.accounts if account["used"] for topic in account["stream"].split(JOINED)}
+    read = [account["stream"] for account in quality.accounts if account["used"]]
+    used = {topic for name in read for topic in (name, *name.split(JOINED))}
     measured = tuple(column for column in COLUMNS if column not in table.unmeasured)
     return replace(
         start,

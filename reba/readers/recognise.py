@@ -331,9 +331,11 @@ def _match_of(stream: Stream, profile: Profile, body: str, names: Mapping[str, t
 
 def _of_topic(recording: Recording, candidates: list[Match], topic: str) -> list[Match]:
     name, _, body = topic.partition("#")
-    chosen = [match for match in candidates if match.stream.name in name.split(JOINED) and body in ("", match.body)]
+    chosen = [
+        match for match in candidates if match.stream.name in (name, *name.split(JOINED)) and body in ("", match.body)
+    ]
     chosen = chosen or [match for match in candidates if match.body == topic]
-    if not chosen and not any(stream.name in name.split(JOINED) for stream in recording.streams):
+    if not chosen and not any(stream.name in (name, *name.split(JOINED)) for stream in recording.streams):
         options = [stream.name for stream in recording.streams] + [match.body for match in candidates if match.body]
         raise NotThere(
             f"{recording.path}: no stream {topic!r}{did_you_mean(topic, options)}; "

@@ -32,3 +32,10 @@ def test_a_stream_or_body_that_is_not_there_is_an_error(given: str, tmp_path: Pa
     with pytest.raises(ProfileError) as caught:
         info(path, **{given: "bob"})
     says(caught, path, "'bob'")
+
+
+def test_a_name_with_a_plus_is_one_stream(tmp_path: Path) -> None:
+    path = table_file(tmp_path / "lift + carry.csv", ["0.0,10,5,1", "0.1,20,5,1"])
+    found = info(path, topic="lift + carry")
+    assert [(account["stream"], account["used"]) for account in found.accounts] == [("lift + carry", 2)]
+    assert [stream.used for stream in found.streams] == [True]
