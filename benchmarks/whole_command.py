@@ -50,14 +50,13 @@ def make_recording(path: Path, minutes: float) -> int:
 
 def run(path: Path, output: Path) -> tuple[float, float]:
     """Score a recording in a new process; return seconds and peak resident memory [MB]."""
-    code = "import sys; from reba.cli import main; sys.argv = ['reba', *sys.argv[1:]]; main()"
     script = (
         "import os, sys, resource, subprocess; os.sched_setaffinity(0, {0});"
-        "done = subprocess.run([sys.executable, '-c', sys.argv[1], *sys.argv[2:]], stdout=subprocess.DEVNULL);"
+        "done = subprocess.run([sys.executable, '-m', 'reba', *sys.argv[1:]], stdout=subprocess.DEVNULL);"
         "print(done.returncode, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
     )
     start = time.perf_counter()
-    command = [sys.executable, "-c", script, code, "score", str(path), "-o", str(output), "--json"]
+    command = [sys.executable, "-c", script, "score", str(path), "-o", str(output), "--json"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     seconds = time.perf_counter() - start
     status, peak = done.stdout.split()

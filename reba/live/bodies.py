@@ -125,7 +125,8 @@ class FollowedBody:
     def _same_stream(self, match: Match) -> bool:
         """Return whether a match is in the stream that is followed; that of all transforms has changing names."""
         stream = self.match.stream
-        return match.stream.kind == stream.kind and (stream.kind == "frames" or match.stream.name == stream.name)
+        shared = set(stream.topics) & set(match.stream.topics)
+        return match.stream.kind == stream.kind and (stream.kind == "frames" or bool(shared))
 
     def _only(self, mine: Match, same: list[Match]) -> Match:
         """Return the match of one id under the names that the signals of the body have had so far."""
@@ -139,5 +140,5 @@ class FollowedBody:
             if other is not mine:
                 signals_of = [name for signals in (other.names or {}).values() for name in signals]
                 renamed |= {name: ASIDE.format(name) for name in signals_of if name in taken}
-        stream = mine.stream.join(renamed) if renamed and mine.stream.join is not None else mine.stream
+        stream = mine.stream.join(renamed, ()) if renamed and mine.stream.join is not None else mine.stream
         return replace(mine, stream=stream, names=names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 from reba.errors import ReadError
@@ -16,38 +17,32 @@ NOTED: Final = 0.01
 
 
 def accounts_of(
-    recording: Recording, match: Match, log: ReadLog, seconds: float, helpers: tuple[Stream, ...]
+    recording: Recording, match: Match, log: ReadLog, seconds: float, frames: Mapping[str, ReadLog]
 ) -> tuple[dict[str, Any], ...]:
     """Return the account of each stream of postures, that of the one that was read first.
 
     Args:
         log: of its reading.
         seconds: from the first to the last frame of the table.
-        helpers: other streams that were read, such as that of the pelvis.
+        frames: name of another stream of frames that was read, as that of the pelvis -> log of its reading.
     """
     _name_other_bodies(match, log)
     result = [{"stream": match.stream.name, **log.account(), "seconds": _seconds(match.stream, seconds)}]
-    read_too = {(stream.name, stream.kind) for stream in helpers}
     for stream in recording.streams:
         if not _same_rows(stream, match.stream):
-            read = max(stream.messages.values(), default=stream.count or 0)
-            used = read if (stream.name, stream.kind) in read_too else 0
-            result.append(
-                {
-                    "stream": stream.name,
-                    "read": read,
-                    "used": used,
-                    "not_used": {"other_stream": read - used} if read > used else {},
-                    "seconds": _seconds(stream, seconds if used else 0.0),
-                }
-            )
+            read = stream.total or max(stream.messages.values(), default=stream.count or 0)
+            account = {"read": read, "used": 0, "not_used": {"other_stream": read} if read else {}}
+            if stream.kind == "frames" and stream.name in frames:
+                account = frames[stream.name].account()
+            used = seconds if account["used"] else 0.0
+            result.append({"stream": stream.name, **account, "seconds": _seconds(stream, used)})
     return tuple(result)
 
 
 def _same_rows(stream: Stream, other: Stream) -> bool:
     """Return whether two streams are one, or the same rows of a table, whose points are offered as joints too."""
     tables = stream.format.endswith(TABLE) and other.format.endswith(TABLE)
-    return stream.name == other.name and (stream.kind == other.kind or tables)
+    return stream.name in (other.name, *other.topics) and (stream.kind == other.kind or tables)
 
 
 def _name_other_bodies(match: Match, log: ReadLog) -> None:

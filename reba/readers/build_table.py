@@ -121,7 +121,6 @@ def read_match(
         return _read_angles(recording, match, neutral, strict)
     frames = MemoryFrames() if frames is None else frames
     pelvis = _pelvis_pose(recording, match, profile)
-    helpers = tuple(stream for stream, _ in pelvis_streams(recording, match, profile)) if pelvis is not None else ()
     mapper = mapper_for(profile, match.names, match.stream, pelvis)
     log = collect_into(frames, match.stream, mapper, times)
     _check_samples(recording, log, len(frames), strict)
@@ -145,7 +144,8 @@ def read_match(
     if offsets:
         frames.change(lambda rows: subtract(rows[:, 1:], offsets))
     seen = _statistics(frames) if offsets else seen.turned(corrections.turned).without(corrections.hidden)
-    warnings = [*mapper.warnings, *_column_warnings(seen)]
+    beside = pelvis.log.warnings if pelvis is not None else []
+    warnings = [*beside, *mapper.warnings, *_column_warnings(seen)]
     assumed = [text for text in (match.note, *mapper.assumed, note) if text]
     whole = PostureTable(
         data=pd.DataFrame(columns=["time", *COLUMNS]),
@@ -165,7 +165,7 @@ def read_match(
             frames,
             warnings,
             strict,
-            helpers,
+            pelvis,
             radians=getattr(mapper, "radians", False),
         ),
         epoch=match.stream.epoch + start,
@@ -232,7 +232,7 @@ def _read_angles(recording: Recording, match: Match, neutral: str, strict: bool)
         topic=match.stream.name,
         unmeasured=tuple(unmeasured),
         why_unmeasured={column: absent.get(column, "no value") for column in unmeasured},
-        assumed=(note,) if note else (),
+        assumed=tuple(text for text in (match.note, note) if text),
         recognised=match.why,
         quality=_quality(recording, match, 0.0, log, time, frames, _column_warnings(seen), strict),
         epoch=match.stream.epoch,
@@ -306,7 +306,7 @@ def pelvis_streams(recording: Recording, match: Match, profile: Profile) -> list
             names = dict.fromkeys(root.replace("{id}", body) for body in ids if body or "{id}" not in root)
             first, *others = [name for name in names if name in stream.names] or [""]
             if others and stream.join is not None:
-                result.append((stream.join(dict.fromkeys(others, first)), first))
+                result.append((stream.join(dict.fromkeys(others, first), ()), first))
             elif first:
                 result.append((stream, first))
     return result
@@ -354,11 +354,12 @@ def _quality(
     frames: Frames,
     warnings: list[str],
     strict: bool,
-    helpers: tuple[Stream, ...] = (),
+    pelvis: PelvisPose | None = None,
     *,
     radians: bool = False,
 ) -> Quality:
-    accounts = accounts_of(recording, match, log, float(time[-1] - time[0]), helpers)
+    beside = {} if pelvis is None else {pelvis.stream: pelvis.log}
+    accounts = accounts_of(recording, match, log, float(time[-1] - time[0]), beside)
     if strict:
         refuse_losses(recording.path, accounts[0], log)
     warnings = [*warnings, *account_warnings(accounts[0])]

@@ -19,9 +19,9 @@ from reba.readers import READING
 from reba.readers.formats import Paths, files_given, open_recording, paths_text
 from reba.readers.parts import table_of_match
 from reba.readers.quality_control import parse_neutral
-from reba.readers.recognise import Match, choose, matches, presence
+from reba.readers.recognise import Match, NotThere, choose, matches, presence
 from reba.readers.recording.profile import Profile, find_profile, profiles
-from reba.readers.recording.stream import Recording, Stream
+from reba.readers.recording.stream import JOINED, Recording, Stream
 
 MOST_ALTERNATIVES = 5
 
@@ -35,9 +35,9 @@ class StreamInfo:
         kind: "joints", "frames", "points" or "angles".
         type: what was decoded.
         names: of joints, segments, points or columns.
-        messages: of the name that has most of them.
+        messages: of all names.
         seconds: from the first to the last message.
-        rate: mean rate of these messages [Hz], NaN for fewer than two.
+        rate: mean rate [Hz] of the name that has most messages while it is there, NaN for fewer than two.
         bodies: id -> intervals [s since the start of the recording] in which the body is there; `body` of `reba.read`
             chooses one.
         used: whether `reba.read` uses it, alone or beside the one that it reads.
@@ -140,7 +140,7 @@ def info(
 
     Raises:
         ReadError: the file is unknown, damaged or empty, or changed while it was read; no frame lies in the interval.
-        ProfileError: the named profile does not exist or is wrong.
+        ProfileError: the named profile does not exist or is wrong, or there is no such stream or body.
         RebaError: `neutral` is wrong.
 
     Example:
@@ -167,6 +167,8 @@ def info(
         try:
             match = choose(recording, known, topic, named=named, body=body)
             table = table_of_match(recording, match, start, end, neutral=neutral, strict=strict)
+        except NotThere:
+            raise
         except ProfileError as error:
             ended = recording.log.ended_abnormally
             others = _alternatives(recording, known, None)
@@ -177,19 +179,24 @@ def info(
 def _stream(stream: Stream, recording: Recording, known: tuple[Profile, ...]) -> StreamInfo:
     ends = [end for spans in stream.present.values() for span in spans for end in span]
     seconds = max(ends) - min(ends) if ends else 0.0
-    messages = max(stream.messages.values(), default=stream.count or 0)
+    most = max(stream.messages, key=stream.messages.__getitem__, default="")
+    of_most = stream.messages.get(most, stream.count or 0)
+    spans = stream.present.get(most) or ([(min(ends), max(ends))] if ends else [])
+    there_for = sum(end - start for start, end in spans)
     there = {
         match.body: tuple(presence(match))
         for match in matches(recording, known)
         if match.stream is stream and match.fits and match.body
     }
-    rate = (messages - 1) / seconds if seconds > 0 and messages > 1 else float("nan")
+    rate = (of_most - len(spans)) / there_for if there_for > 0 and of_most > len(spans) else float("nan")
+    messages = stream.total or of_most
     return StreamInfo(stream.name, stream.kind, stream.format, stream.names, messages, seconds, rate, there)
 
 
 def _described(start: Info, match: Match, table: PostureTable, alternatives: tuple[str, ...]) -> Info:
     time, quality = table.data["time"].to_numpy(np.float64), table.quality
-    used = {account["stream"] for account in quality.accounts if account["used"]}
+    read = [account["stream"] for account in quality.accounts if account["used"]]
+    used = {topic for name in read for topic in (name, *name.split(JOINED))}
     measured = tuple(column for column in COLUMNS if column not in table.unmeasured)
     return replace(
         start,

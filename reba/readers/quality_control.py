@@ -299,7 +299,7 @@ def neutral_posture(time: Array, frames: Callable[[Flags], Array], spec: str) ->
         frames: returns the (k, 22) angles [deg] of chosen frames.
 
     Raises:
-        RebaError: the text is wrong, or no frame lies in the interval.
+        RebaError: the text is wrong, or no frame lies in the interval, or all do.
     """
     window = parse_neutral(spec)
     if window is None:
@@ -308,6 +308,11 @@ def neutral_posture(time: Array, frames: Callable[[Flags], Array], spec: str) ->
     if not chosen.any():
         span = f"{time[0]:.2f} to {time[-1]:.2f} s" if len(time) else "no frames"
         raise RebaError(f"neutral {spec!r} contains no frame; the recording has {span}: choose a time within")
+    if chosen.all():
+        raise RebaError(
+            f"neutral {spec!r} is all of the recording, {time[0]:.2f} to {time[-1]:.2f} s, and would make its usual "
+            "posture the zero; name the part in which the person stands upright, like first:1s or at:0.5"
+        )
     offsets = neutral_offsets(frames(chosen))
     parts = [f"{COLUMNS[index]} {offset:.1f}" for index, offset in offsets.items() if abs(offset) >= 5.0]
     shifts = f": {', '.join(parts)} deg" if parts else ""
@@ -318,7 +323,7 @@ def apply_neutral(time: Array, angles: Array, spec: str) -> str:
     """Subtract the median posture of the neutral interval from (n, 22) angles [deg] in place; return a note.
 
     Raises:
-        RebaError: the text is wrong, or no frame lies in the interval.
+        RebaError: the text is wrong, or no frame lies in the interval, or all do.
     """
     offsets, note = neutral_posture(time, lambda chosen: angles[chosen], spec)
     subtract(angles, offsets)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from reba.errors import ProfileError, did_you_mean, join_names
 from reba.readers.mapping import obtainable_columns
 from reba.readers.recording.profile import Profile
-from reba.readers.recording.stream import Recording, Stream
+from reba.readers.recording.stream import JOINED, Recording, Stream
 from reba.readers.signal_names import bodies
 
 PREFERENCE = {"joints": 0, "points": 1, "frames": 2}
@@ -125,7 +125,7 @@ def choose(
     same = alike(fitting, best)
     ids = dict.fromkeys(match.label for match in same)
     if len(ids) > 1:
-        one_person = in_turn(same)
+        one_person = in_turn(same) or _scored_last(recording, same)
         if one_person is not None:
             return replace(one_person, note="; ".join(filter(None, (one_person.note, rivals))))
         options = ", ".join(f"{match.label}{seconds_text(match)}" for match in same)
@@ -140,7 +140,7 @@ def choose(
             f"{recording.path}: {_name(best)} ({best.why}) and {_name(other)} ({other.why}) fit equally; "
             f"choose with --profile {_name(best)} or --profile {_name(other)}, or with --topic"
         )
-    return replace(best, note="; ".join(filter(None, (rivals, _elsewhere(candidates, best)))))
+    return replace(best, note="; ".join(filter(None, (best.note, rivals, _elsewhere(candidates, best)))))
 
 
 def _elsewhere(candidates: Sequence[Match], best: Match) -> str:
@@ -179,6 +179,10 @@ class SeveralBodies(ProfileError):
     """The recording has several bodies, of which the user has to choose one."""
 
 
+class NotThere(ProfileError):
+    """The recording has no stream or body of the name that the user gave."""
+
+
 class NoMatch(ProfileError):
     """No profile fits a stream of the recording."""
 
@@ -188,7 +192,33 @@ def candidates_in(
 ) -> list[Match]:
     """Return the matches among which `choose` chooses, best first; arguments and errors are its own."""
     candidates = [match for match in matches(recording, known) if match.profile or not named]
-    return candidates if topic is None else _of_topic(recording, candidates, topic)
+    if topic is not None:
+        candidates = _of_topic(recording, candidates, topic)
+    return _across_topics(candidates)
+
+
+def _across_topics(candidates: list[Match]) -> list[Match]:
+    """Return the matches, with those of one body joined whose joints stand in several topics, none of them in two."""
+    result = list(candidates)
+    of_body: dict[tuple[str, str], list[Match]] = {}
+    for match in candidates:
+        if match.profile is not None and match.profile.kind == "joints" and match.stream.join is not None:
+            of_body.setdefault((match.profile.name, match.body), []).append(match)
+    for same in of_body.values():
+        first, *others = sorted(same, key=lambda match: match.present, reverse=True)
+        names, further = dict(first.names or {}), []
+        for other in others:
+            if names.keys().isdisjoint(other.names or {}):
+                names |= other.names or {}
+                further.append(other)
+        if further and first.profile is not None and first.stream.join is not None:
+            stream = first.stream.join({}, [other.stream for other in further])
+            joined = _match_of(stream, first.profile, first.body, names)
+            result = [match for match in result if match is not first and match not in further]
+            result.append(
+                replace(joined, note=f"joints of one person stand in {len(stream.topics)} topics: {stream.name}")
+            )
+    return sorted(result, key=lambda match: (match.fits, *match.rank), reverse=True)
 
 
 def alike(fitting: Sequence[Match], best: Match) -> list[Match]:
@@ -222,10 +252,13 @@ def presence(match: Match) -> list[tuple[float, float]]:
 
 
 def in_turn(same: Sequence[Match]) -> Match | None:
-    """Return one match of bodies of one stream that follow each other and are never there at once, else None."""
+    """Return one match of bodies of one stream that follow each other and are never there at once, else None.
+
+    Topics of which each has the id of its body in its name, as in ROS4HRI, count as one stream.
+    """
     first = min(same, key=lambda match: min(presence(match), default=(0.0, 0.0)))
     stream, profile = first.stream, first.profile
-    if profile is None or stream.join is None or any(match.stream is not stream for match in same):
+    if profile is None or stream.join is None or len({_without_id(match) for match in same}) > 1:
         return None
     spans = [presence(match) for match in same]
     for at, one in enumerate(spans):
@@ -243,13 +276,28 @@ def in_turn(same: Sequence[Match]) -> Match | None:
     ids = ", ".join(f"{match.body}{seconds_text(match)}" for match in ordered)
     return replace(
         first,
-        stream=stream.join(renamed),
+        stream=stream.join(renamed, [match.stream for match in same]),
         names=names,
         columns=obtainable_columns(profile, names),
         missing=tuple(slot for slot in profile.slots if slot not in names),
         note=f"bodies that follow each other are one person: {ids}",
         ids=tuple(match.body for match in ordered),
     )
+
+
+def _scored_last(recording: Recording, same: Sequence[Match]) -> Match | None:
+    """Return the newest scores of a file whose scores were scored again, else None: they are of one recording."""
+    streams = [match.stream.name for match in same]
+    if same[0].profile is not None or (recording.scored or {}).get("topic") not in streams:
+        return None
+    newest = max(same, key=lambda match: (len(match.stream.name), match.stream.name))  # reba, reba_2 ... reba_10
+    return replace(newest, note=f"scored {len(same)} times: the newest scores are read, {newest.stream.name}")
+
+
+def _without_id(match: Match) -> str:
+    """Return the name of a stream without the id of a body as one of the words between its slashes."""
+    words = match.stream.name.split("/")
+    return "/".join("{id}" if match.body and word == match.body else word for word in words)
 
 
 def seconds_text(match: Match) -> str:
@@ -267,6 +315,11 @@ def _match(stream: Stream, profile: Profile, body: str, signals: Mapping[str, st
             present = present if len(present) == len(words) else ()
         if present:
             names[slot] = present if profile.kind == "points" else present[:1]
+    return _match_of(stream, profile, body, names)
+
+
+def _match_of(stream: Stream, profile: Profile, body: str, names: Mapping[str, tuple[str, ...]]) -> Match:
+    """Return the match of a body whose joints, segments or points have these signals."""
     complete = all(any(slot in names for slot in group) for group in profile.required)
     marked = set(profile.marks) <= set(stream.names)
     partial = profile.kind == "joints" and len(names) >= ENOUGH * len(profile.slots)
@@ -278,11 +331,13 @@ def _match(stream: Stream, profile: Profile, body: str, signals: Mapping[str, st
 
 def _of_topic(recording: Recording, candidates: list[Match], topic: str) -> list[Match]:
     name, _, body = topic.partition("#")
-    chosen = [match for match in candidates if match.stream.name == name and body in ("", match.body)]
+    chosen = [
+        match for match in candidates if match.stream.name in (name, *name.split(JOINED)) and body in ("", match.body)
+    ]
     chosen = chosen or [match for match in candidates if match.body == topic]
-    if not chosen and not any(stream.name == name for stream in recording.streams):
+    if not chosen and not any(stream.name in (name, *name.split(JOINED)) for stream in recording.streams):
         options = [stream.name for stream in recording.streams] + [match.body for match in candidates if match.body]
-        raise ProfileError(
+        raise NotThere(
             f"{recording.path}: no stream {topic!r}{did_you_mean(topic, options)}; "
             f"streams and bodies are {', '.join(dict.fromkeys(options)) or 'none'}"
         )
@@ -294,7 +349,7 @@ def _of_body(recording: Recording, candidates: list[Match], body: str) -> list[M
     if not chosen:
         ids = dict.fromkeys(f"{match.body}{seconds_text(match)}" for match in candidates if match.body and match.fits)
         near = did_you_mean(body, [match.body for match in candidates if match.body])
-        raise ProfileError(f"{recording.path}: no body {body!r}{near}; bodies are {', '.join(ids) or 'without an id'}")
+        raise NotThere(f"{recording.path}: no body {body!r}{near}; bodies are {', '.join(ids) or 'without an id'}")
     return chosen
 
 

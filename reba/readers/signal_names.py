@@ -28,11 +28,14 @@ def bodies(profile: Profile, stream: Stream) -> dict[str, dict[str, str]]:
     if not _has_name(profile.names, stream.names, loose):
         return {}
     spelling = {_folded(name): name for name in profile.names}
+    without_id: set[str] = set()
     for index, pattern in enumerate(patterns):
         for signal in stream.names:
-            parsed = _parsed(profile.names, pattern, loose, signal)
+            parsed = None if signal in without_id else _parsed(profile.names, pattern, loose, signal)
             if parsed:
                 groups = parsed.groupdict()
+                if "id" not in groups:  # what stands before the name is a word of the source, and no id
+                    without_id.add(signal)
                 # Two patterns may read one body in two ways, so an id belongs to its pattern.
                 by_name = result.setdefault(f"{index} {(groups.get('id') or '').strip('/:.')}", {})
                 word = groups["name"]

@@ -8,6 +8,7 @@ the log time of the message that its frame comes from, so that the file has one 
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from itertools import count
@@ -19,7 +20,7 @@ import pandas as pd
 from mcap.records import Channel, Schema
 
 from reba.arrays import Array, Indices
-from reba.errors import ReadError
+from reba.errors import ReadError, join_names
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
 from reba.posture.table import PostureTable
@@ -40,6 +41,8 @@ TOPICS: Final = {"scores": "/ergonomics/reba", "postures": "/ergonomics/posture"
 SCHEMAS: Final = {"scores": "reba.Scores", "postures": "reba.Posture"}
 CHUNK_BYTES: Final = 1 << 20
 """[bytes] Of messages in a chunk, before compression."""
+MOST_TOPICS: Final = 3
+"""Topics that a message names."""
 _SEQUENCE: Final = 0xFFFFFFFF
 """Largest sequence number."""
 
@@ -84,6 +87,8 @@ def write_mcap(
             profile = ROS2
         file = McapFile(stream, profile, copy.library if copy is not None else generator())
         encoding = "" if not as_ros else ROS1 if profile == ROS1 else ROS2
+        if encoding and copy is not None:
+            _warn_of_others(copy, encoding, postures.source)
         number = _define(file, data, kind, copy, encoding)
         order = np.argsort(times[0], kind="stable")
         texts = ros_rows(data, order, own[0], encoding) if as_ros else json_rows(data, order)
@@ -94,6 +99,13 @@ def write_mcap(
         for name, record in {"reba": metadata, **(records or {})}.items():
             file.metadata(name, {key: _text(value) for key, value in record.items()})
         file.finish()
+
+
+def _warn_of_others(copy: McapCopy, encoding: str, source: str) -> None:
+    others = list(dict.fromkeys(copy.topics_beside(ENCODINGS[encoding][0])))
+    if others:
+        text = f"some topics of {source} are no ROS messages ({join_names(others, MOST_TOPICS)})"
+        warnings.warn(f"{text}; copied as they are, so that rosbags does not open the file", stacklevel=3)
 
 
 class Rows:

@@ -82,7 +82,11 @@ class McapCopy:
     @property
     def is_cdr(self) -> bool:
         """Whether all messages are those of ROS 2."""
-        return all(channel.message_encoding == "cdr" for channel in self.channels.values())
+        return not self.topics_beside("cdr")
+
+    def topics_beside(self, encoding: str) -> list[str]:
+        """Return the topics whose messages have another encoding."""
+        return [channel.topic for channel in self.channels.values() if channel.message_encoding != encoding]
 
     def write(self, file: McapFile, between: Callable[[int], None]) -> None:
         """Copy everything but the header; `between` is called with the latest log time [ns] after each chunk.

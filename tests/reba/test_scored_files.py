@@ -17,6 +17,7 @@ import pytest
 import reba
 from reba.batch.run import find_inputs
 from reba.cli import cli
+from tests.reba.readers.test_whole_recording import JOINTS, state, write
 from tests.support.invoke import invoke
 from tests.support.paths import DATASETS
 from tests.support.says import says
@@ -96,6 +97,30 @@ def test_commands_take_files_of_scores(suffix: str, tmp_path: Path) -> None:
     assert all(value in (0, None) for value in compared["difference"]["reba"].values())
     part = run("explain", path, "--at", "8", "--start", "7", "--end", "9", "--json")
     assert part == run("explain", path, "--at", "8", "--json")
+
+
+def test_the_newest_scores_of_a_file_are_read(tmp_path: Path) -> None:
+    """A file that is scored again has the former scores beside the new ones, of the same postures."""
+    source = DATASETS / "simulated_palletising.mcap"
+    for number, load in enumerate(("1", "5", "9"), 1):
+        run("score", source, "--load", load, "-o", tmp_path / f"{number}.mcap", "--json")
+        source = tmp_path / f"{number}.mcap"
+    scores = reba.read_scores(source)
+    assert scores.postures.topic == "/ergonomics/reba_3"
+    says("; ".join(scores.postures.assumed), "scored 3 times", "/ergonomics/reba_3")
+    compared = run("compare", DATASETS / "simulated_palletising.mcap", source, "--load", "9", "--json")
+    assert all(value in (0, None) for value in compared["difference"]["reba"].values())
+
+
+def test_scores_of_two_people_are_a_question(tmp_path: Path) -> None:
+    """A file with scores of one person, scored for another one."""
+    names = [[f"{person}_{joint}" for joint in JOINTS] for person in ("alice", "bob")]
+    path = write(tmp_path / "two.mcap", [state(at, at, both) for at in range(200) for both in names])
+    run("score", path, "--topic", "alice", "-o", tmp_path / "1.mcap", "--json")
+    run("score", tmp_path / "1.mcap", "--topic", "bob", "-o", tmp_path / "2.mcap", "--json")
+    with pytest.raises(reba.RebaError) as caught:
+        reba.read(tmp_path / "2.mcap")
+    says(caught, "/ergonomics/reba", "/ergonomics/reba_2", "--topic")
 
 
 def test_other_rules_are_told(tmp_path: Path) -> None:

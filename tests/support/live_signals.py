@@ -99,7 +99,7 @@ class Recorder:
     def write(self, message: Message) -> None:
         """Write a message."""
         if message.topic not in self._channels:
-            name = make.JOINT_STATE if message.topic == "/joint_states" else TF
+            name = TF if message.topic.startswith("/tf") else make.JOINT_STATE
             schema = self._writer.register_schema(name, "ros2msg", make.definition(name))
             self._channels[message.topic] = self._writer.register_channel(message.topic, "cdr", schema)
         log = START + round(message.log * 1e9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -87,6 +87,8 @@ class PelvisPose:
         axes: (3, 3) the ISB axes of the pelvis in that frame.
         up: (3,) vertical of the world.
         assumed: which frame and vertical were used, for the user.
+        stream: name of the stream of frames.
+        log: of its reading.
     """
 
     time: Array
@@ -94,6 +96,8 @@ class PelvisPose:
     axes: Array
     up: Array
     assumed: str
+    stream: str = ""
+    log: ReadLog = field(default_factory=ReadLog)
 
     def at(self, time: Array) -> Array:
         """Return (n, 3, 3) ISB frames of the pelvis at (n,) times [s], interpolated on the shorter arc; NaN in gaps."""
@@ -126,7 +130,8 @@ def read_pelvis_pose(profile: Profile, streams: list[tuple[Stream, str]], axes: 
     for stream, name in streams:
         poses = FrameTree(stream, (name,))
         parts: list[Array] = []
-        for block in stream.blocks(ReadLog(), poses.wanted):
+        log = ReadLog()
+        for block in stream.blocks(log, poses.wanted):
             parts.append(pelvis_samples(poses, stream, name, block))
         samples = np.concatenate(parts) if parts else np.empty((0, 5))
         if not len(samples):
@@ -143,7 +148,7 @@ def read_pelvis_pose(profile: Profile, streams: list[tuple[Stream, str]], axes: 
             continue
         world = poses.root_of(name) or "the world"
         text = f"pelvis orientation from frame {name} of {stream.name}, vertical {vertical.name} of {world}"
-        return PelvisPose(time, quaternions, axes, up, text)
+        return PelvisPose(time, quaternions, axes, up, text, stream.name, log)
     return None
 
 

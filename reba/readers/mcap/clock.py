@@ -234,10 +234,14 @@ class RecordingClock:
             self.seams, _ = _set_offsets(clocks)
         self.source = ("publish_time" if published else "log_time") if self.why else "header.stamp"
         self.channels = clocks
-        reference = _largest([clock for clock in clocks if clock.by_stamp] or clocks)
+        self._reference = reference = _largest([clock for clock in clocks if clock.by_stamp] or clocks)
         for clock in clocks:
             if clock.by_stamp == bool(self.why) and reference is not None:
                 clock.line = reference.as_line()
+
+    def at(self, log: Nanoseconds) -> Nanoseconds:
+        """Return the times of the recording [ns] at (n,) log times [ns], as of messages without a stamp."""
+        return log if self._reference is None else _interpolated(log, *self._reference.as_line())
 
 
 def _largest(clocks: Sequence[ChannelClock]) -> ChannelClock | None:

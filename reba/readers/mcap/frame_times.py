@@ -13,7 +13,7 @@ from reba.posture.table import PostureTable
 from reba.readers.mcap import gathered
 from reba.readers.mcap.channels import DecodableChannel, Unused
 from reba.readers.mcap.store import StoredFile
-from reba.readers.recording.stream import ReadLog
+from reba.readers.recording.stream import ReadLog, stream_called
 
 Times = tuple[NDArray[np.int64], NDArray[np.int64]]
 """(n,) log and (n,) publish times [ns]."""
@@ -35,9 +35,9 @@ def frame_times(
         time: (n,) times of the frames [s], increasing.
     """
     channels = [channel for _, some in files for channel in some]
-    for stream in gathered(Path(postures.source), channels, ReadLog()).streams:
-        if stream.name == postures.topic and stream.logged is not None:
-            # Rows keep their own time, and of scored ones the epoch is that of what was scored.
-            later = 0.0 if postures.scored is not None else postures.epoch - stream.epoch
-            return stream.logged(time + later, frozenset(postures.signals))
+    stream = stream_called(gathered(Path(postures.source), channels, ReadLog()).streams, postures.topic)
+    if stream is not None and stream.logged is not None:
+        # Rows keep their own time, and of scored ones the epoch is that of what was scored.
+        later = 0.0 if postures.scored is not None else postures.epoch - stream.epoch
+        return stream.logged(time + later, frozenset(postures.signals))
     return own_times(time, postures.epoch)

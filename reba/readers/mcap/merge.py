@@ -30,6 +30,10 @@ MOST_WAITING: Final = 64 * BLOCK_ROWS
 """Messages that wait for those of a slower channel; more are not joined with them."""
 
 
+Steps = list[tuple[float, Array]]
+"""Values of a static column, each with the time [s] from which on it holds; the first holds before it too."""
+
+
 class Merger:
     """Collects pieces and returns them as blocks.
 
@@ -45,7 +49,7 @@ class Merger:
         self._frames = kind == "frames"
         self._holds = kind != "angles"
         self._width = {"frames": POSE, "points": 3}.get(kind, 1)
-        self._static: dict[int, Array] = {}
+        self._static: dict[int, Steps] = {}
         self._pieces: list[tuple[Array, Indices, Array]] = []
         self._rows = 0
         self._wait_for = BLOCK_ROWS
@@ -57,14 +61,19 @@ class Merger:
         """Whether enough rows are collected for a block."""
         return self._rows >= self._wait_for
 
-    def include(self, signals: Sequence[tuple[str, str]], static: Merger) -> None:
-        """Add columns of signals, also of known names with another parent, and the values of a `static` merger."""
+    def include(self, signals: Sequence[tuple[str, str]], static: Merger, later: float) -> None:
+        """Add columns of signals, also of known names with another parent, and the values of a `static` merger.
+
+        Args:
+            later: time 0 of that one, in the time [s] of this one.
+        """
         for signal in signals:
             if len(self._columns) < MOST_SIGNALS:
                 self._columns.setdefault(signal, len(self._columns))
         for signal, column in static._columns.items():
             if column in static._static and signal in self._columns:
-                self._static[self._columns[signal]] = static._static[column]
+                steps = static._static[column]
+                self._static[self._columns[signal]] = [(time + later, value) for time, value in steps]
 
     def add(self, time: Array, piece: Piece) -> None:
         """Add a piece with its (n,) times [s]."""
@@ -73,14 +82,37 @@ class Merger:
             self._pieces.append((time, columns, values))
             self._rows += len(values)
 
-    def add_static(self, piece: Piece) -> None:
-        """Add a piece that fills its columns in all rows; the last value of a column is valid."""
-        columns, values = self._placed(piece)
-        for at, column in enumerate(columns.tolist()):
-            if len(values):
-                if not np.array_equal(self._static.setdefault(column, values[-1, at]), values[-1, at], equal_nan=True):
-                    self._log.warn(f"static transform of {piece.names[at]!r} changes; its last value is used")
-                self._static[column] = values[-1, at]
+    def add_static(self, pieces: Sequence[tuple[Array, Piece]]) -> None:
+        """Add all pieces of static transforms with their times [s]: a value holds until another one comes."""
+        for time, piece in pieces:
+            columns, values = self._placed(piece)
+            for at, column in enumerate(columns.tolist()):
+                there = np.isfinite(values[:, at]).all(axis=1)
+                if there.any():
+                    steps = zip(time[there].tolist(), values[there, at], strict=True)
+                    self._static.setdefault(column, []).extend(steps)
+        names = list(self._columns)
+        absent = np.full(self._width, np.nan)
+        given = {column: [time for time, _ in poses] for column, poses in self._static.items()}
+        for column, poses in self._static.items():
+            # A frame that is fixed to another parent is no longer in this one.
+            others = [
+                time
+                for other in given
+                if other != column and names[other][0] == names[column][0]
+                for time in given[other]
+            ]
+            before = [-np.inf] if others and min(others) < min(given[column]) else []
+            poses += [(time, absent) for time in (*before, *others)]
+            poses.sort(key=lambda pose: pose[0])
+            repeats = [
+                at > 0 and np.array_equal(poses[at - 1][1], pose, equal_nan=True) for at, (_, pose) in enumerate(poses)
+            ]
+            poses[:] = [pose for pose, repeat in zip(poses, repeats, strict=True) if not repeat]
+            if len(poses) > 1:
+                times = ", ".join(f"{time:.2f} s" for time, _ in poses[1:4]) + (" ..." if len(poses) > 4 else "")
+                name = repr(names[column][0])
+                self._log.warn(f"static transform of {name} changes at {times}; each holds until the next")
 
     def _placed(self, piece: Piece) -> tuple[Indices, Array]:
         """Return the columns (k,) of a piece and its values (n, k, width), without signals that are left out."""
@@ -124,8 +156,9 @@ class Merger:
         if time[0] < self._end:
             self._log.warn("messages are out of the order of time by more than a block; sort the complete table")
         self._end = max(self._end, float(time[-1]))
-        for column, pose in self._static.items():
-            values[:, column] = pose
+        for column, steps in self._static.items():
+            since = np.array([since for since, _ in steps[1:]])
+            values[:, column] = np.stack([pose for _, pose in steps])[np.searchsorted(since, time, side="right")]
         names, parents = (tuple(texts) for texts in zip(*self._columns, strict=True))
         return Block(time, names, values[:, :, 0] if self._width == 1 else values, parents if self._frames else ())
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from reba.readers.mcap.channels import DecodableChannel
 from reba.readers.mcap.clock import RecordingClock
 from reba.readers.mcap.contents import Contents, clock_name
+from reba.readers.mcap.decode import Piece
 from reba.readers.mcap.merge import MOST_SIGNALS
 from reba.readers.mcap.presence import TOGETHER, Interval, Presence, Presences, Signal, at_once, united
 from reba.readers.recording.stream import Kind
@@ -40,20 +41,22 @@ class StreamHeader:
 
 def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Contents) -> StreamHeader | None:
     """Return the header of the stream of some channels, None if none of its messages is usable."""
-    of = (kind, parts[0].group)
+    groups = dict.fromkeys((kind, part.group) for part in parts)
     present: dict[Signal, Presence] = {}
-    for signals, one in contents.presence.get(of, Presences()).sets.items():
-        for signal in signals:
-            total = present.setdefault(signal, Presence())
-            total.messages += one.messages
-            total.intervals += one.intervals
+    for of in groups:
+        for signals, one in contents.presence.get(of, Presences()).sets.items():
+            for signal in signals:
+                total = present.setdefault(signal, Presence())
+                total.messages += one.messages
+                total.intervals += one.intervals
     clocks = [track.clock for part in parts if (track := contents.tracks.get(id(part))) and track.clock]
     if not present or not clocks:
         return None
-    for piece in contents.static.get(of, []):
+    for piece in (piece for of in groups for piece in contents.static.get(of, [])):
         for signal in zip(piece.names, piece.parents, strict=True):
             present.setdefault(signal, Presence())
     spans = {signal: united(one.intervals) for signal, one in present.items()}
+    spans |= _in_turn([piece for of in groups for piece in contents.static.get(of, [])], spans)
     signals, warnings = _chosen(spans, present)
     spans_by_name: dict[str, list[Interval]] = {}
     for name, parent in signals:
@@ -62,7 +65,7 @@ def stream_header(parts: Sequence[DecodableChannel], kind: Kind, contents: Conte
     messages: Counter[str] = Counter()
     for name, parent in signals:
         messages[name] += present[name, parent].messages
-    clock = contents.clocks[clock_name(kind, of[1])]
+    clock = contents.clocks[clock_name(kind, parts[0].group)]
     first, logged = min(clock_.first for clock_ in clocks), min(clock_.first_log for clock_ in clocks)
     if kind == "angles" and clock.source == "header.stamp":
         # Rows of a posture table keep their time; the log time gives the epoch.
@@ -91,6 +94,25 @@ def _chosen(
             first = others[0] if rival is None else rival
             warnings.append(f"frame {name!r} has the parents {first!r} and {parent!r} at once; the first is used")
     return tuple((name, parent) for name, parents in chosen.items() for parent in parents), tuple(warnings)
+
+
+def _in_turn(static: Sequence[Piece], spans: Mapping[Signal, list[Interval]]) -> dict[Signal, list[Interval]]:
+    """Return when static frames are in a parent that have several one after the other: until the next one is sent."""
+    sent: dict[str, list[tuple[int, str]]] = {}
+    for piece in static:
+        for name, parent in zip(piece.names, piece.parents, strict=True):
+            sent.setdefault(name, []).extend((log, parent) for log in piece.log.tolist())
+    newest = max((interval[1] for intervals in spans.values() for interval in intervals), default=0)
+    result: dict[Signal, list[Interval]] = {}
+    for name, parents in sent.items():
+        parents.sort(key=lambda one: one[0])
+        turns = [one for at, one in enumerate(parents) if not at or parents[at - 1][1] != one[1]]
+        ends = [log for log, _ in turns[1:]] + [max(newest, turns[-1][0])]
+        lasting = all(end - log > TOGETHER for (log, _), end in zip(turns[:-1], ends, strict=False))
+        if len(turns) > 1 and lasting and not any(spans[name, parent] for _, parent in turns):
+            for (log, parent), end in zip(turns, ends, strict=True):
+                result.setdefault((name, parent), []).append([log, end])
+    return result
 
 
 def _known_in(name: str, parent: str, spans: Mapping[Signal, list[Interval]]) -> list[Interval]:

@@ -27,9 +27,9 @@ from reba.readers.mcap.log_times import log_times
 from reba.readers.mcap.merge import Merger
 from reba.readers.mcap.records import LATEST
 from reba.readers.mcap.store import ChunkRef, Store
-from reba.readers.mcap.stream_header import StreamHeader
+from reba.readers.mcap.stream_header import StreamHeader, stream_header
 from reba.readers.mcap.trace import NO_STAMP
-from reba.readers.recording.stream import Block, Kind, ReadLog, Stream
+from reba.readers.recording.stream import JOINED, Block, Kind, ReadLog, Stream
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,14 +75,15 @@ class McapBlockDecoder:
         self._read = dict.fromkeys(map(id, self._tracks.values()), 0)
         self._signals = tuple(signals)
         self._newest = {id(track): track.clock.first for track in self._tracks.values() if track.clock}
-        for piece in contents.static.get((kind, parts[0].group), []):
-            self._merger.add_static(selected(piece, wanted))
+        static = [selected(piece, wanted) for piece in contents.static.get((kind, parts[0].group), [])]
+        self._merger.add_static([((header.clock.at(piece.log) - header.zero) / 1e9, piece) for piece in static])
 
     def go_on(self, before: McapBlockDecoder) -> None:
         """Go on where the decoder `before` is: with its time 0, its columns, and what it has not yet returned."""
+        later = (self._header.zero - before._header.zero) / 1e9
         self._header = replace(self._header, zero=before._header.zero)
         static, self._merger = self._merger, before._merger
-        self._merger.include(self._signals, static)
+        self._merger.include(self._signals, static, later)
         self.used, self.newest_log = before.used, before.newest_log
 
     @property
@@ -250,6 +251,7 @@ class StreamReader:
             parents=tuple(parent for _, parent in signals) if self._kind == "frames" else (),
             epoch=header.epoch / 1e9,
             count=sum(counts) if self._kind != "frames" and len(counts) == 1 else None,
+            total=sum(track.log.messages for track in self._tracks()),
             table=self.table if self._kind == "angles" else None,
             follow=self.follow,
             logged=partial(log_times, self._parts, self._contents, header.zero),
@@ -259,10 +261,18 @@ class StreamReader:
                 for signal, intervals in header.intervals.items()
             },
             messages=header.messages,
-            join=lambda renamed: StreamReader(
-                self._parts, self._kind, header, self._contents, self._opened, renamed
-            ).stream(name),
+            join=partial(self._joined, name),
+            reader=self,
         )
+
+    def _joined(self, name: str, renamed: Mapping[str, str], streams: Sequence[Stream]) -> Stream:
+        """Return the stream of this one, of its name, and others, in which signals have other names."""
+        several = [part for stream in streams for part in stream.reader._parts]
+        parts = list({id(part): part for part in (*self._parts, *several)}.values())
+        topics = dict.fromkeys([*name.split(JOINED), *(topic for stream in streams for topic in stream.topics)])
+        header = self._header if len(parts) == len(self._parts) else stream_header(parts, self._kind, self._contents)
+        reader = StreamReader(parts, self._kind, header or self._header, self._contents, self._opened, renamed)
+        return reader.stream(JOINED.join(topics))
 
     def read(self, log: ReadLog, names: Sequence[str] | None) -> Iterator[Block]:
         """Iterate over the blocks; one chunk and one block are in memory, and values that were kept."""
@@ -294,8 +304,7 @@ class StreamReader:
     def _begin(self, log: ReadLog) -> None:
         log.time_source = self._header.source
         log.ended_abnormally = log.ended_abnormally or self._opened.ended_abnormally
-        tracks = [track for part in self._parts if (track := self._contents.tracks.get(id(part))) is not None]
-        for track in {id(track): track for track in tracks}.values():
+        for track in self._tracks():
             log.messages += track.log.messages
             log.skip(track.log.skipped, track.log.first_skipped or "")
             for warning in track.log.warnings:
@@ -303,6 +312,11 @@ class StreamReader:
         log.time_why = self._header.clock.why
         for warning in (*self._opened.warnings, *self._contents.warnings, *self._header.warnings):
             log.warn(warning)
+
+    def _tracks(self) -> list[Track]:
+        """Return the tracks of the channels, each once."""
+        tracks = [self._contents.tracks[id(part)] for part in self._parts if id(part) in self._contents.tracks]
+        return list({id(track): track for track in tracks}.values())
 
     def _segments(self) -> Iterator[tuple[Store, ChunkRef]]:
         """Yield the segments of all files that have messages of the stream."""

@@ -158,6 +158,8 @@ ASKED_FOR = "outside_interval"
 """Reason that the caller gave."""
 LOST = ("undecodable", "repeated_time", "no_time")
 """Reasons that lose what was recorded; the others leave out what is not of the person."""
+JOINED = " + "
+"""Between the names of streams that were joined to one."""
 LogTimes = Callable[[Array, frozenset[str]], tuple[NDArray[np.int64], NDArray[np.int64]]]
 BlockReader = Callable[[ReadLog, Sequence[str] | None], Iterator[Block]]
 
@@ -175,13 +177,16 @@ class Stream:
         parents: frames only, as in `Block`.
         epoch: Unix time [s] of time 0, or 0.0 where the file does not state it.
         count: number of samples if known without reading, else None.
+        total: messages of all its signals; 0 where `count` has them.
         up: "x", "y", "z", "-y" ... if the format defines the vertical axis, else "" (the mapping determines it).
         rest: frames only: (k, 7) pose of each frame in its parent when all rotations are zero (BVH offsets), else None.
         read: `read(log, names)` iterates over blocks; `names` limits the signals (None: all).
         seams: times [s] of the first sample after each restart of the clock; no interval reaches across them.
         present: name -> intervals [s since the start of the recording] in which it is there; empty: always.
         messages: name -> messages that have it; empty: all have.
-        join: `join(other -> name)` makes the stream in which signals have the names of others, never there at once.
+        join: `join(other -> name, streams)` makes the stream of this and other streams of the recording, in which
+            signals have the names of others, never there at once.
+        reader: what made it, for `join`.
         follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
         logged: log and publish times [ns] of the messages that rows come from, by their (n,) increasing times [s] and
             the signals that they were made of.
@@ -197,6 +202,7 @@ class Stream:
     parents: tuple[str, ...] = ()
     epoch: float = 0.0
     count: int | None = None
+    total: int = 0
     up: str = ""
     rest: Array | None = None
     table: Callable[[], pd.DataFrame] | None = None
@@ -204,12 +210,29 @@ class Stream:
     seams: tuple[float, ...] = ()
     present: Mapping[str, Sequence[tuple[float, float]]] = field(default_factory=dict)
     messages: Mapping[str, int] = field(default_factory=dict)
-    join: Callable[[Mapping[str, str]], Stream] | None = None
+    join: Callable[[Mapping[str, str], Sequence[Stream]], Stream] | None = None
+    reader: Any = None
     logged: LogTimes | None = None
+
+    @property
+    def topics(self) -> list[str]:
+        """Names of the streams that it was joined of, or its own."""
+        return self.name.split(JOINED)
 
     def blocks(self, log: ReadLog | None = None, names: Sequence[str] | None = None) -> Iterator[Block]:
         """Iterate over the samples in time order, block by block."""
         return self.read(log if log is not None else ReadLog(), names)
+
+
+def stream_called(streams: Sequence[Stream], name: str) -> Stream | None:
+    """Return the stream of a name, joined where it is the name of several; None without it."""
+    by_name = {stream.name: stream for stream in streams}
+    several = [by_name.get(part) for part in name.split(JOINED)]
+    first, *others = several if name not in by_name else [by_name[name]]
+    if not others or first is None or first.join is None:
+        return first
+    there = [stream for stream in others if stream is not None and stream.kind == first.kind]
+    return first.join({}, there) if len(there) == len(others) else None
 
 
 @dataclass(frozen=True)

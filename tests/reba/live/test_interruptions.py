@@ -298,6 +298,26 @@ def test_a_mount_that_comes_late_is_used_from_then_on(tmp_path: Path, monkeypatc
     assert_same_from(8.5, live, tmp_path / "whole.mcap", messages)
 
 
+def test_joints_of_several_topics_are_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body whose arms are on another topic, and who gets another id, with topics of its own."""
+    messages = []
+    for body, first, last in (("one", 0, 4), ("two", 4, 8)):
+        for at in ticks(first, last):
+            for part, names in (("legs", NAMES[:4]), ("arms", NAMES[4:])):
+                topic = f"/humans/bodies/{body}/{part}"
+                messages.append(replace(joints(at, prefix=f"{body}_", names=names), topic=topic))
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    assert live.kinds == ["new_id"]
+    as_batch(live, tmp_path / "whole.mcap", messages)
+
+
+def test_a_mount_that_is_moved_is_used_from_then_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mounts = [transform(at, "map", "odom", lean, topic="/tf_static") for at, lean in ((0.0, 5.0), (9.0, 25.0))]
+    messages = [*leaning("odom"), *mounts]
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    assert_same_from(0.5, live, tmp_path / "whole.mcap", messages)
+
+
 def test_ids_with_a_pelvis_each_are_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     messages = []
     for number, first, last in ((1, 0, 6), (2, 6.2, 12)):

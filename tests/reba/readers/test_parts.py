@@ -55,7 +55,7 @@ RECORDINGS: dict[str, Callable[[Path], Path]] = {
 def recording(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any, Any]:
     """A recording, its complete table and its scores."""
     path = RECORDINGS[request.param](tmp_path_factory.mktemp("parts") / request.param)
-    postures = reba.read(path, neutral="first:2s")
+    postures = reba.read(path, neutral="first:1s")
     return path, postures, reba.score(postures)
 
 
@@ -76,9 +76,9 @@ def test_an_interval_is_the_complete_table_cut(
     expected = whole.data[(time >= start) & (time <= end)].reset_index(drop=True)
     if not len(expected):
         with pytest.raises(ReadError, match="no frame lies in"):
-            reba.read(path, start=start, end=end, neutral="first:2s")
+            reba.read(path, start=start, end=end, neutral="first:1s")
         return
-    part = reba.read(path, start=start, end=end, neutral="first:2s")
+    part = reba.read(path, start=start, end=end, neutral="first:1s")
     pd.testing.assert_frame_equal(part.data, expected)
     assert adds_up(part)
     assert part.quality.accounts[0]["used"] == len(expected)
@@ -96,7 +96,7 @@ def test_blocks_are_the_table_and_their_scores_its_scores(recording: tuple[Path,
     path, whole, scores = recording
     # At most forty blocks: of many more each is like those.
     seconds = max(seconds, float(whole.data["time"].iloc[-1]) / 40)
-    blocks = list(reba.read_blocks(path, seconds=seconds, neutral="first:2s"))
+    blocks = list(reba.read_blocks(path, seconds=seconds, neutral="first:1s"))
     pd.testing.assert_frame_equal(pd.concat([block.data for block in blocks], ignore_index=True), whole.data)
     scored = pd.concat([reba.score(block).data for block in blocks], ignore_index=True)
     pd.testing.assert_frame_equal(scored, scores.data)

@@ -12,7 +12,14 @@ import reba
 from reba.errors import RebaError
 from reba.posture.columns import COLUMNS, INDEX
 from reba.readers.column_statistics import ColumnStatistics
-from reba.readers.quality_control import constant_columns, equal_frames, find_gaps, frozen_warning, parse_neutral
+from reba.readers.quality_control import (
+    apply_neutral,
+    constant_columns,
+    equal_frames,
+    find_gaps,
+    frozen_warning,
+    parse_neutral,
+)
 from tests.support.says import says
 from tests.support.synthetic_bodies import RATE
 
@@ -22,6 +29,17 @@ def test_bad_neutral_is_refused(spec: str) -> None:
     with pytest.raises(RebaError) as caught:
         parse_neutral(spec)
     says(caught, repr(spec), "none, first:3s", "at:12.5")
+
+
+@pytest.mark.parametrize("spec", ["first:3s", "at:0.4"])
+def test_a_neutral_posture_is_not_all_of_the_recording(spec: str) -> None:
+    data = pd.DataFrame({"time": np.arange(5) / 5, "trunk_flexion": [30.0, 40, 50, 40, 30]})
+    angles = data.reindex(columns=list(COLUMNS)).to_numpy()
+    with pytest.raises(RebaError) as caught:
+        apply_neutral(data["time"].to_numpy(), angles, spec)
+    says(caught, repr(spec), "0.00 to 0.80 s", "first:1s")
+    np.testing.assert_array_equal(angles[:, INDEX["trunk_flexion"]], data["trunk_flexion"])
+    says(apply_neutral(data["time"].to_numpy(), angles, "first:0.2s"), "2 frames")
 
 
 def test_gaps_and_frozen_stretches() -> None:

@@ -146,6 +146,16 @@ def test_a_star_in_a_pattern_is_anything_and_no_body() -> None:
     assert len(bodies(find_profile("opensim"), states)[""]) == len(names)
 
 
+@pytest.mark.parametrize(
+    ("profile", "pattern"), [(profile.name, pattern) for profile in profiles() for pattern in profile.patterns]
+)
+def test_every_pattern_of_a_profile_gives_one_body(profile: str, pattern: str) -> None:
+    """A word of the source before its names, as of Mixamo, is no id."""
+    called = {name: pattern.format(name=name, id="b1").replace("*", "any") for name in find_profile(profile).names}
+    found = bodies(find_profile(profile), joints_stream(dict.fromkeys(called.values(), 0.1)))
+    assert found == {"b1" if "{id}" in pattern else "": called}
+
+
 def test_ids_are_taken_from_the_longest_name() -> None:
     stream = joints_stream({"skeleton_left_c7_shoulder_x": 0.1, "my_left_c7_shoulder_y": 0.1})
     signals = bodies(find_profile("xsens_joints"), stream)

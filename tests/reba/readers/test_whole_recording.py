@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import reba
 from reba.errors import ProfileError, ReadError
@@ -222,15 +223,65 @@ def test_recordings_of_one_time_in_a_folder_are_not_one(tmp_path: Path) -> None:
     assert len(reba.read(tmp_path).data) == 900
 
 
-def test_joints_of_another_topic_are_named(tmp_path: Path) -> None:
+KNEES = ("left_knee_Z", "right_knee_Z")
+
+
+def two_topics(path: Path, legs: Sequence[str]) -> Path:
+    """Write a person whose knees are on another topic than the other joints."""
     definitions = [make.schema(1, JOINT_STATE, "ros2msg", make.definition(JOINT_STATE))]
     definitions += [make.channel(1, 1, "/upper/joint_states", "cdr"), make.channel(2, 1, "/legs/joint_states", "cdr")]
-    knees = [joint for joint in JOINTS if "knee" in joint]
-    rows = [state(at, at, [joint for joint in JOINTS if joint not in knees]) for at in range(300)]
-    rows += [state(at, at, knees, channel=2) for at in range(300)]
-    path = tmp_path / "two.mcap"
+    rows = [state(at, at, [joint for joint in JOINTS if joint not in KNEES]) for at in range(300)]
+    rows += [state(at, at, legs, channel=2) for at in range(300)]
     path.write_bytes(make.build(make.Plan((tuple(sorted(rows, key=lambda row: row[1])),), tuple(definitions))))
-    says("; ".join(reba.read(path).assumed), *knees, "/legs/joint_states", "not read")
+    return path
+
+
+def test_joints_of_one_person_may_stand_in_several_topics(tmp_path: Path) -> None:
+    path = two_topics(tmp_path / "two.mcap", KNEES)
+    table = reba.read(path)
+    np.testing.assert_allclose(table.data["knee_flexion_left"], np.degrees([angles(at)[0] for at in range(300)]))
+    assert "trunk_flexion" not in table.unmeasured
+    says("; ".join(table.assumed), "one person", "2 topics", "/legs/joint_states")
+    (account,) = table.quality.accounts
+    assert (account["read"], account["used"], len(table.data)) == (600, 600, 300)
+    assert all(stream.used for stream in reba.info(path).streams)
+    assert "knee_flexion_left" in reba.read(path, topic="/upper/joint_states").unmeasured
+    assert reba.read(path, topic=table.topic).data.equals(table.data)
+    reba.write_scores(reba.score(table), tmp_path / "scored.mcap")
+    with (tmp_path / "scored.mcap").open("rb") as file:
+        logs = [message.log_time for *_, message in make_reader(file).iter_messages("/ergonomics/reba")]
+    assert logs == [EPOCH_NS + at * STEP_NS for at in range(300)]
+
+
+def test_joints_of_another_topic_are_named(tmp_path: Path) -> None:
+    """Where a joint stands in both topics, they are not joined: one of them may be a target, or another person."""
+    path = two_topics(tmp_path / "two.mcap", (*KNEES, "middle_lumbar_Z"))
+    says("; ".join(reba.read(path).assumed), *KNEES, "/legs/joint_states", "not read")
+
+
+@pytest.mark.parametrize("apart", [20, -200])
+def test_bodies_with_a_topic_each_may_follow_each_other(tmp_path: Path, apart: int) -> None:
+    """As a tracker of ROS4HRI writes them when it loses a person and finds them again."""
+    definitions = [make.schema(1, JOINT_STATE, "ros2msg", make.definition(JOINT_STATE))]
+    rows = []
+    for number, (body, first) in enumerate((("a1", 0), ("b2", 300 + apart)), 1):
+        definitions.append(make.channel(number, 1, f"/humans/bodies/{body}/joint_states", "cdr"))
+        names = [f"{body}_{joint}" for joint in JOINTS]
+        rows += [state(at, at, names, channel=number) for at in range(first, first + 300)]
+    path = tmp_path / "bodies.mcap"
+    path.write_bytes(make.build(make.Plan((tuple(sorted(rows, key=lambda row: row[1])),), tuple(definitions))))
+    if apart < 0:
+        with pytest.raises(ProfileError) as caught:
+            reba.read(path)
+        says(caught, "a1 (0.0 to 3.0 s)", "b2 (1.0 to 4.0 s)", "--topic")
+        return
+    table = reba.read(path)
+    np.testing.assert_array_equal(elbow(table), [*range(300), *range(320, 620)])
+    says("; ".join(table.assumed), "one person", "a1 (0.0 to 3.0 s)", "b2")
+    assert adds_up(table)
+    assert [(stream.messages, stream.rate) for stream in reba.info(path).streams] == [(300, pytest.approx(100))] * 2
+    assert len(table.quality.accounts) == 1
+    assert len(reba.read(path, body="b2").data) == 300
 
 
 def test_an_empty_path_is_not_the_current_folder() -> None:

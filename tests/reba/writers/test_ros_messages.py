@@ -113,3 +113,19 @@ def test_the_command_needs_an_mcap_for_them(tmp_path: Path, words: tuple[str, ..
     assert code == 2
     says(messages, "--as-ros", ".mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
+
+
+def test_topics_that_are_not_ros_are_told(tmp_path: Path) -> None:
+    """A recording that was scored in JSON before: its former scores stay in the copy."""
+    source, first, second = recorded(tmp_path / "in.mcap", 60), tmp_path / "json.mcap", tmp_path / "ros.mcap"
+    call("score", source, "-o", first)
+    with pytest.warns(UserWarning, match=r"json\.mcap .*\(/ergonomics/reba\).* rosbags does not open"):
+        reba.write_scores(reba.score(reba.read(first)), second, as_ros=True)
+    assert second.exists()
+
+
+def test_scores_that_are_not_read_back_are_told(tmp_path: Path) -> None:
+    source, out = recorded(tmp_path / "in.mcap", 60), tmp_path / "out.mcap"
+    call("score", source, "-o", out, "--as-ros", "--load", "9")
+    says("; ".join(reba.read(out).quality.warnings), "ROS messages", "not read")
+    assert not any("ROS" in text for text in reba.read(source).quality.warnings)

@@ -111,6 +111,27 @@ def test_one_message_per_frame_with_static_transforms(tmp_path: Path) -> None:
     assert log.warnings == []
 
 
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_static_transform_holds_until_another_one_is_sent(tmp_path: Path, stamped: bool) -> None:
+    """A camera that is moved twice: the first pose holds before its message too, a pose sent again is the same one."""
+    values = poses(700, 1)
+    places = [[place, 2.0, 3, 0, 0, 0, 1] for place in (1.0, 5.0, 9.0)]
+    rows = [
+        (1, stamp, tf_message(transform(stamp - 3, "camera", "hand", values[at, 0])))
+        for at in range(700)
+        for stamp in [EPOCH_NS + at * STEP_NS]
+    ]
+    for at, place in ((40, 0), (200, 1), (300, 1), (450, 2), (451, 2)):
+        stamp = EPOCH_NS + at * STEP_NS
+        rows.append((2, stamp - 4, tf_message(transform(stamp if stamped else 0, "world", "camera", places[place]))))
+    log = ReadLog()
+    opened = write(tmp_path / "tf.mcap", sorted(rows, key=lambda row: row[1]), c1=("/tf", TF), c2=("/tf_static", TF))
+    block = joined(opened, log)
+    which = np.repeat([0, 1, 2], [200, 250, 250])
+    np.testing.assert_array_equal(block.values[:, block.names.index("camera")], np.array(places)[which])
+    says(" ".join(log.warnings), "'camera'", "2.00 s, 4.50 s")
+
+
 def test_stamps_of_one_message_may_differ(tmp_path: Path) -> None:
     values = poses(50, 2)
     rows = []
