@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import os
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -341,6 +342,11 @@ def test_kinds_without_an_export_and_bad_paths_are_refused(tmp_path: Path) -> No
         dreba.export_model(model("quadratic"), tmp_path / "cost", to="c", temperature=2.0)
     says(error, "no temperature", "leave it out")
     (tmp_path / "file").touch()
+    os.mkfifo(tmp_path / "pipe")
     with pytest.raises(dreba.ModelError) as error:
         dreba.export_model(model("quadratic"), tmp_path / "file" / "cost.c", to="c")
     says(error, "cannot be written")
+    for device in ("pipe", "/dev/null"):
+        with pytest.raises(dreba.ModelError) as error:
+            dreba.export_model(model("quadratic"), tmp_path / device, to="c")
+        says(error, device, "not a regular file")
