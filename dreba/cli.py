@@ -120,7 +120,8 @@ def fit(
 ) -> None:  # fmt: skip
     """Fit a model to drawn poses, or to a recording with equal weight for every REBA class.
 
-    Every fifth pose is repeated with a random load, coupling and activity, so that the model knows what these add.
+    Every fifth drawn pose, or every pose of a file, is repeated with a random load, coupling and activity, so that the
+    model knows what these add.
     A recording without some angles needs --joints measured (a model of the measured angles) or --hold neutral.
     """
     import numpy as np
@@ -148,8 +149,7 @@ def fit(
         train, held_out = poses.split(HELD_OUT_SHARE, np.random.default_rng(drawing["seed"]))
         weights = train.balancing_weights()
     if not model.get_params().get("payload_only"):  # what such a model cannot learn would only disturb it
-        train, rows = with_factors(train, np.random.default_rng((drawing["seed"], FACTORS)))
-        weights = None if weights is None else weights[rows]
+        train, weights = with_factors(train, np.random.default_rng((drawing["seed"], FACTORS)), weights)
     fit_to(model, train, held_out, weights, command=command_line("dreba"))
     model.save(output)
     _show_evaluation(model, output, held_out, report, as_json, None)

@@ -18,7 +18,7 @@ from dreba.surrogates.base import Surrogate
 from dreba.surrogates.metrics import PUBLISHED, Evaluation, distance_to_published, evaluation_of, published_overall
 from dreba.surrogates.quadratic import QuadraticModel
 from reba.arrays import Array
-from reba.checks import PATH, accepts
+from reba.checks import PATH, TEXT, accepts
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import ANGLES, COLUMNS, INDEX
@@ -31,7 +31,7 @@ WORST_POSES: Final = 6
 """Number of poses shown, those with the largest absolute errors."""
 
 
-@accepts(ModelError, model=MODEL, poses=POSES, path=PATH)
+@accepts(ModelError, model=MODEL, poses=POSES, path=PATH, name=TEXT, command=TEXT)
 def write_report(
     model: Surrogate,
     poses: Poses,

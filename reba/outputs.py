@@ -104,11 +104,11 @@ def check_regular(path: Place, error: type[RebaError] = RebaError) -> None:
     text = os.fspath(path)
     if not text:
         raise error("an empty name: expected the name of a file")
+    if os.path.isdir(text):
+        raise error(f"{text}: this is a folder, expected one file; give a name in it")
     if text.endswith(("/", os.sep)):
         raise error(f"{text}: this is the name of a folder, expected a file; leave out the last {text[-1]}")
     status = _status(text, error)
-    if status is not None and stat.S_ISDIR(status.st_mode):
-        raise error(f"{text}: this is a folder, expected one file; give a name in it")
     if status is not None and not stat.S_ISREG(status.st_mode):
         raise error(f"{text}: this is not a regular file and cannot be replaced; choose another name")
 

@@ -15,7 +15,7 @@ from dreba.surrogates.metrics import Evaluation, evaluation_of
 from dreba.surrogates.registry import ModelInfo
 from dreba.surrogates.task_factors import seated_angles
 from reba.arrays import Array
-from reba.checks import Allowed, accepts, instance
+from reba.checks import COUNT, TEXT, Allowed, accepts, instance
 from reba.posture.columns import INDEX
 
 MODEL: Final = instance("a fitted surrogate, such as dreba.load returns", Surrogate)
@@ -114,7 +114,7 @@ def _origin(poses: Poses) -> dict[str, Any]:
     return {"poses": len(poses), **{key: value for key, value in poses.provenance.items() if key != "domain"}}
 
 
-@accepts(ModelError, models=MODELS, poses=POSES)
+@accepts(ModelError, models=MODELS, poses=POSES, jobs=COUNT, scheduler=TEXT.or_none())
 def compare(
     models: Mapping[str, Surrogate], poses: Poses, *, jobs: int = 1, scheduler: str | None = None
 ) -> list[dict[str, Any]]:

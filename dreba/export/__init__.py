@@ -106,7 +106,7 @@ def exported_files(path: str | Path, to: str) -> list[Path]:
         ModelError: an unknown target, or a file cannot be written.
     """
     ending, given = ending_of(to), Path(path)
-    if given.name and not given.suffix and not os.path.isdir(given):
+    if given.name and not given.suffix and (os.path.isfile(given) or not os.path.exists(given)):
         given = given.with_suffix(ending)
     outputs = [FileOutput(given if str(path) else path)]
     if to == "c" and given.name:

@@ -87,7 +87,6 @@ def _common(model: Surrogate, name: str, joint_map: JointMap | None, hessian: st
     unit = "deg" if joint_map is None else joint_map.unit
     fields: dict[str, Any] = {
         "name": name,
-        "guard": name.upper(),
         "d": len(model.joints_),
         "m": len(joints),
         "q": "angles" if joint_map is None else "joints",

@@ -34,12 +34,12 @@ GAUSS_NEWTON: Final = f"""\
 # H = J^T Y J + sum of the derivatives by the parts times their own Hessians: see `soft_curvature`.
 EXACT: Final = f"""\
         if (second) {{
-{PART_SLOPES}            const double side_bend = by_b * ${{name}}_bend(score[1] - score[2], $side_width);
-            const double knee_bend = by_column[$d] * ${{name}}_bend(angles[$knee] - angles[$knee + 1], $knee_width);
+{PART_SLOPES}            const double side_bent = by_b * ${{name}}_bend(score[1] - score[2], $side_width);
+            const double knee_bent = by_column[$d] * ${{name}}_bend(angles[$knee] - angles[$knee + 1], $knee_width);
             const double cross = inside_x * inside_y * (v[13] - v[12] - v[1] + v[0]);
             const double by_scores[3][3] = {{
-                {{0.0, cross * side_left, cross * (1.0 - side_left)}}, {{cross * side_left, side_bend, -side_bend}},
-                {{cross * (1.0 - side_left), -side_bend, side_bend}}}};
+                {{0.0, cross * side_left, cross * (1.0 - side_left)}}, {{cross * side_left, side_bent, -side_bent}},
+                {{cross * (1.0 - side_left), -side_bent, side_bent}}}};
             double mixed[3][3], by_parts[9][9], bend[$d + 1] = {{0.0}};
             for (int t = 0; t < 3; ++t)
                 ${{name}}_mixed(t ? ${{name}}_table_b : ${{name}}_table_a, last[t > 0], own[t], mixed[t]);
@@ -64,7 +64,7 @@ EXACT: Final = f"""\
                 }}
             for (int c = 0; c < 2; ++c)
                 for (int e = 0; e < 2; ++e)
-                    second[($knee + c) * $d + $knee + e] += (c == e ? knee_bend : -knee_bend)
+                    second[($knee + c) * $d + $knee + e] += (c == e ? knee_bent : -knee_bent)
                         + bend[$d] * (c ? 1.0 - knee_left : knee_left) * (e ? 1.0 - knee_left : knee_left);
         }}
 """

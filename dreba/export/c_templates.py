@@ -53,7 +53,7 @@ $interface
 #ifndef ${name}_H
 #define ${name}_H
 
-#define ${guard}_JOINTS $m
+#define ${name}_JOINTS $m
 
 #ifdef __cplusplus
 extern "C" {

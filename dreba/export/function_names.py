@@ -8,6 +8,7 @@ import re
 from typing import Final
 
 from dreba.errors import ModelError
+from dreba.export import c_soft_template, c_templates
 
 _C: Final = """
 auto break case char const continue default do double else enum extern float for goto if inline int long main register
@@ -50,8 +51,15 @@ _SUFFIX: Final = re.compile(r"[fdl]?(\d+x?)?(_[rl])?")
 """What follows the name of a function in that for another type, such as sinf or strtof32_l."""
 _NO_FUNCTION: Final = re.compile(r"M_.*|.*_t|f\d+x?(add|div|fma|mul|sqrt|sub)f\d+x?")
 """Constants of math.h, types of POSIX, and functions of two types."""
-LONGEST: Final = 63
-"""Characters of a name of which C compilers must tell the differences."""
+_TEMPLATES: Final = [text for part in (c_templates, c_soft_template) for text in vars(part).values()]
+DERIVED: Final = frozenset(
+    ending for text in _TEMPLATES if isinstance(text, str) for ending in re.findall(r"\$\{name\}_(\w+)", text)
+)
+"""What C files put behind the name of a function and an underscore, for functions, tables and macros of their own."""
+_OF_ANOTHER: Final = re.compile(rf"(\w+)_({'|'.join(sorted(DERIVED))})")
+"""Where no name ends like this and no ending has another one behind an underscore, no two exports share a name."""
+LONGEST: Final = 63 - max(len(f"_{ending}") for ending in DERIVED)
+"""Characters of a name: with every ending no more than those of which C compilers must tell the differences."""
 
 
 def check_name(name: str) -> None:
@@ -65,6 +73,11 @@ def check_name(name: str) -> None:
     if not (name.isidentifier() and name.isascii()) or len(name) > LONGEST:
         raise ModelError(
             f"name is {name[:80]!r}; expected letters, digits and underscores, at most {LONGEST}, such as 'dreba'"
+        )
+    if (derived := _OF_ANOTHER.fullmatch(name)) is not None:
+        raise ModelError(
+            f"name is {name!r}, which belongs to an export named {derived[1]!r}: both would not fit into one program; "
+            "give another, such as 'dreba'"
         )
     if name in REFUSED or name.startswith("_") or "__" in name or name.isupper() or _is_variant(name):
         raise ModelError(f"name is {name!r}, which is reserved; give another, such as 'dreba'")

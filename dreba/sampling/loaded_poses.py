@@ -12,7 +12,7 @@ from dreba.sampling.classes import true_scores
 from dreba.sampling.distribution import load_bins
 from dreba.sampling.poses import Poses
 from dreba.surrogates.task_factors import HIGHEST_POINTS, MODELLED
-from reba.arrays import Indices
+from reba.arrays import Array
 from reba.posture.columns import SIDES
 from reba.posture.factors import ACTIVITIES, COUPLINGS, FACTORS, Factors, codes
 
@@ -23,25 +23,28 @@ PRESENT: Final = 0.5
 """Share of the repeated poses in which a factor is drawn, so that it is also seen alone."""
 
 
-def with_factors(poses: Poses, rng: np.random.Generator) -> tuple[Poses, Indices]:
-    """Return poses followed by a part of them with random factors, and the row of each among the given poses.
+def with_factors(poses: Poses, rng: np.random.Generator, weights: Array | None = None) -> tuple[Poses, Array | None]:
+    """Return poses followed by a part of them with random factors, and the weights of all.
 
     Factors are drawn independently of the posture, and the true scores are those with them. Poses of one REBA class
     would not do: high factors stand there beside good postures, and both would seem to matter less. Of load, coupling
     and activity only those are drawn that are the same in all poses; if none is, the poses are returned as they are.
 
+    Where poses have weights (n,), of mean 1, all are repeated, each with the same weight and the same share of all:
+    otherwise the few poses of a rare class, which weigh much, would decide what a factor adds.
+
     Example:
         >>> import dreba
-        >>> loaded, rows = with_factors(dreba.sample(1000, rng=1), np.random.default_rng(0))
-        >>> len(loaded), int(rows[-1]), bool(loaded.factors.load.max() > 10.0)
-        (1200, 995, True)
+        >>> loaded, _ = with_factors(dreba.sample(1000, rng=1), np.random.default_rng(0))
+        >>> len(loaded), bool(loaded.factors.load.max() > 10.0)
+        (1200, True)
     """
     given = Factors() if poses.factors is None else poses.factors
     fields = {name: _fields(name) for name in MODELLED}
     missing = [name for name in MODELLED if not any(_varies(getattr(given, field)) for field in fields[name])]
-    again = np.arange(0, len(poses), EVERY)
+    again = np.arange(0, len(poses), EVERY if weights is None else 1)
     if not missing:
-        return poses, np.arange(len(poses))
+        return poses, weights
     domain = Domain.from_dict(poses.provenance["domain"])
     loaded = poses.rows(again)
     changes: dict[str, Any] = {}
@@ -52,14 +55,13 @@ def with_factors(poses: Poses, rng: np.random.Generator) -> tuple[Poses, Indices
             changes[field] = np.where(present, values, _coded(field, own))
     factors = dataclasses.replace(loaded.factors or Factors(), **changes)
     scores = true_scores(domain, loaded.angles, factors)
-    rows = np.concatenate([np.arange(len(poses)), again])
     together = Poses(
         np.concatenate([poses.angles, loaded.angles]),
         np.concatenate([poses.reba, scores]),
         Factors(**{name: _joined(name, given, factors, len(poses), len(again)) for name in FACTORS}),
         {**poses.provenance, "with_factors": {"poses": len(again), "drawn": missing}},
     )
-    return together, rows
+    return together, None if weights is None else np.append(weights, np.full(len(again), 1.0 / EVERY))
 
 
 def _fields(name: str) -> tuple[str, ...]:

@@ -159,7 +159,7 @@ def _factors(factors: Sequence[str] | Factors | None) -> tuple[Factors, tuple[st
     if names is None:
         raise SampleError(f"factors are {shown(factors)}; expected a list of names out of {', '.join(FACTOR_NAMES)}")
     for name in names:
-        if name not in FACTOR_NAMES:
+        if not isinstance(name, str) or name not in FACTOR_NAMES:
             raise SampleError(f"factor {shown(name)} cannot be drawn; expected names out of {', '.join(FACTOR_NAMES)}")
     return Factors(), tuple(name for name in FACTOR_NAMES if name in names)
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dreba.errors import ModelError
 from reba.arrays import Array
-from reba.checks import is_finite, shown
+from reba.checks import POSITIVE, is_finite, shown
 from reba.errors import PostureError, did_you_mean
 from reba.method.factor_points import points
 from reba.method.rules import Rules, load_points
@@ -268,10 +268,9 @@ def delta_payload(load: ArrayLike, form: Payload = "tree", omega: float = OMEGA_
         raise ModelError(f"load is {shown(load)}; expected kilograms, 0 or more") from error
     if not (np.isfinite(kilograms).all() and (kilograms >= 0).all()):
         raise ModelError(f"load is {shown(load)}; expected kilograms, 0 or more")
-    if form == "linear":
-        cost = kilograms / omega
-    elif form == "tree":
-        cost = np.asarray(load_points(kilograms), np.float64)
-    else:
-        raise ModelError(f"payload is {form!r}; expected one of {', '.join(PAYLOADS)}")
+    if not (isinstance(form, str) and form in PAYLOADS):
+        raise ModelError(f"payload is {shown(form)}; expected one of {', '.join(PAYLOADS)}")
+    if not POSITIVE.fits(omega):
+        raise ModelError(f"omega is {shown(omega)}; expected {POSITIVE.expected} of kilograms")
+    cost = kilograms / omega if form == "linear" else np.asarray(load_points(kilograms), np.float64)
     return float(cost) if cost.ndim == 0 else cost

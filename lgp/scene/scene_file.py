@@ -28,7 +28,7 @@ from lgp.scene.model import (
 )
 from lgp.scene.people import FREEDOMS, RESERVED, SHORT, payload_of, read_people
 from lgp.scene.surroundings import FARTHEST, read_obstacle, read_shelf
-from reba.checks import PATH, accepts
+from reba.checks import PATH, accepts, instance
 from reba.errors import did_you_mean
 from reba.open_file import read_settings
 from reba.toml_table import TomlTable
@@ -58,7 +58,7 @@ def shipped_scenes() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in SHIPPED.glob("*.toml")))
 
 
-@accepts(SceneError, which=PATH)
+@accepts(SceneError, which=PATH, changes=instance("values by dotted key", Mapping).or_none())
 def load_scene(which: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
     """Return a shipped scene by its name, or the scene in a TOML file.
 
@@ -177,7 +177,7 @@ def _changed(values: Mapping[str, Any], changes: Mapping[str, Any], name: str) -
     except RecursionError as error:
         raise SceneError(f"{name}: its values are nested too deeply; write the scene flat") from error
     for dotted, value in changes.items():
-        *parents, last = dotted.split(".")
+        *parents, last = str(dotted).split(".")
         inner: Any = result
         for key in parents:
             inner = inner.setdefault(key, {}) if isinstance(inner, dict) else None

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array
+from reba.checks import items_of, shown
 from reba.errors import PostureError, RadiansWarning, did_you_mean, join_names
 from reba.posture.columns import ANGLES, COLUMNS, COLUMNS_OF, INDEX, SIDES
 from reba.posture.factors import flag
@@ -84,7 +85,14 @@ def angle_table(
         >>> angle_table({"knee_flexion": [30.0, 90.0]}, ("knee_flexion_left", "knee_flexion_right")).tolist()
         [[30.0, 30.0], [90.0, 90.0]]
     """
-    return checked_poses(data, columns, absent=absent, error=error)[0]
+    names = items_of(columns)
+    if names is None or not all(isinstance(name, str) for name in names):
+        raise PostureError(f"columns are {shown(columns)}; expected names, such as reba.COLUMNS")
+    if not (isinstance(absent, str) and absent in get_args(Absent)):
+        raise PostureError(f"absent is {shown(absent)}; expected one of {', '.join(get_args(Absent))}")
+    if not (isinstance(error, type) and issubclass(error, ValueError)):
+        raise PostureError(f"error is {shown(error)}; expected a class of errors, such as reba.PostureError")
+    return checked_poses(data, names, absent=absent, error=error)[0]
 
 
 def checked_poses(

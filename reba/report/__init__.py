@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reba.analysis.score_table import SCORES, ScoreTable
-from reba.checks import PATH, from_home, shown
+from reba.checks import PATH, TEXT, YES_NO, from_home, items_of, shown
 from reba.errors import RebaError
 from reba.file_names import file_name, text_without_folders
 from reba.files import write_atomic, write_text
@@ -111,13 +111,23 @@ def write_report(
         raise RebaError(f"write_report: scores is {shown(scores)}; expected {SCORES.expected}, or a list of these")
     if not PATH.fits(path):
         raise RebaError(f"write_report: path is {shown(path)}; expected {PATH.expected}")
-    shots = [pictures] if isinstance(pictures, Pictures) else list(pictures)
-    if len(shots) not in (0, len(several)) or not all(isinstance(one, Pictures) for one in shots):
+    for argument, text in {"command": command, "task": task, "assessor": assessor, "date": date}.items():
+        if not TEXT.fits(text):
+            raise RebaError(f"write_report: {argument} is {shown(text)}; expected {TEXT.expected}")
+    if not YES_NO.fits(names):
+        raise RebaError(f"write_report: names is {shown(names)}; expected {YES_NO.expected}")
+    failures = items_of(failed)
+    if failures is None or not all(
+        isinstance(one, tuple | list) and len(one) == 2 and all(map(TEXT.fits, one)) for one in failures
+    ):
+        raise RebaError(f"write_report: failed is {shown(failed)}; expected pairs of a path and its error")
+    shots = (pictures,) if isinstance(pictures, Pictures) else items_of(pictures)
+    if shots is None or len(shots) not in (0, len(several)) or not all(isinstance(one, Pictures) for one in shots):
         expected = "what reba.camera_pictures returns, for each recording"
         raise RebaError(f"write_report: pictures is {shown(pictures)}; expected {expected}")
     path = from_home(path)
     check_outputs(FileOutput(path), inputs=[path for each in several for path in each.postures.inputs])
-    html = render(several, command=command, form=Form(str(task), str(assessor), str(date)), failed=failed, names=names,
+    html = render(several, command=command, form=Form(task, assessor, date), failed=failures, names=names,
                   pictures=shots)  # fmt: skip
     if Path(path).suffix.lower() == ".pdf":
         write_atomic(Path(path), lambda part: print_pdf(html, part))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reba.analysis.score_table import SCORES
 from reba.cells import cells_of
-from reba.checks import PATH, YES_NO, accepts, instance
+from reba.checks import PATH, YES_NO, Allowed, accepts, instance
 from reba.errors import RebaError
 from reba.files import as_json, write_atomic, write_atomic_stream, write_text
 from reba.method.scoring import SCORE_COLUMNS
@@ -80,7 +80,21 @@ def check_as_ros(as_ros: bool, path: str | Path | None) -> None:
         raise RebaError(f"{given}ROS messages (--as-ros) are written into an .mcap; give an output that ends in .mcap")
 
 
-@accepts(RebaError, postures=instance("what reba.read returns", PostureTable), path=PATH)
+def _are_records(value: Any) -> bool:
+    return isinstance(value, Mapping) and all(
+        isinstance(name, str)
+        and isinstance(record, Mapping)
+        and all(isinstance(text, str) for text in (*record, *record.values()))
+        for name, record in value.items()
+    )
+
+
+@accepts(
+    RebaError,
+    postures=instance("what reba.read returns", PostureTable),
+    path=PATH,
+    records=Allowed("names with texts by key", _are_records).or_none(),
+)
 def write_postures(
     postures: PostureTable, path: str | Path, *, records: Mapping[str, Mapping[str, str]] | None = None
 ) -> None:

@@ -125,7 +125,7 @@ def test_the_list_is_complete() -> None:
 def test_wrong_types_end_in_one_line(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     function, good = functions()[name], GOOD[name]
-    for argument in good:
+    for argument in {**good, **inspect.signature(function).parameters}:
         refuses(
             f"{name}({argument}=)",
             lambda wrong, argument=argument: function(**{**good, argument: wrong}),

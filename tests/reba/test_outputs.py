@@ -50,7 +50,8 @@ def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
     for name in (tmp_path / "pipe", link, "/dev/null"):
         says(refused(tmp_path, FileOutput(name)), name, "not a regular file", "choose another name")
         says(refused(tmp_path, FolderOutput(name)), name, "not a folder")
-    says(refused(tmp_path, FileOutput(tmp_path)), tmp_path, "this is a folder", "file")
+    for folder in (tmp_path, f"{tmp_path}/", "/"):
+        says(refused(tmp_path, FileOutput(folder)), folder, "this is a folder", "file", "give a name in it")
     says(refused(tmp_path, FileOutput(f"{tmp_path}/x.csv/")), "x.csv/", "name of a folder")
 
 

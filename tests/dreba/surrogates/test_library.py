@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import dreba
+from dreba.surrogates.library import SHIPPED
 from tests.support.paths import ROOT
 from tests.support.says import says
 
@@ -39,3 +40,14 @@ def test_shipped_models_load_and_hold_their_stated_error(name: str) -> None:
     command, *rest = found.about_.provenance["command"].split()
     made_by_script = command == "python" and (ROOT / rest[0]).is_file()
     assert made_by_script or (command == "dreba" and rest[0] == "fit")
+
+
+@pytest.mark.parametrize("name", dreba.models())
+def test_a_shipped_file_says_all_that_a_model_file_says_now(name: str, tmp_path: Path) -> None:
+    found = dreba.load(name)
+    found.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (SHIPPED / f"{name}.json").read_bytes()
+    told = found.about_.provenance
+    assert told["rmse_on"] == "held-out poses"
+    assert {"command", "held_out", "version"} <= set(told)
+    assert "train" in told or "source" in told
