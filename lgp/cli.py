@@ -18,7 +18,7 @@ from lgp.errors import LgpError
 from lgp.execution.commands import run_command
 from lgp.experiments.variants import VARIANT, variants
 from lgp.extensions import run_extension
-from lgp.files import ASSETS, EXPERIMENT_FILES, PAGE_FILES, PICTURES, PLAN_FILE, PLAN_FILES
+from lgp.files import ASSETS, EXPERIMENT_FILES, PAGE_FILES, PICTURES, PLAN_FILES
 from lgp.scene.scene_file import load_scene, shipped_scenes
 from lgp.study.commands import simulate_study, study
 from lgp.workplace.command import improve
@@ -74,7 +74,7 @@ def cli(extensions: tuple[str, ...]) -> None:
 @click.option(
     "--seconds",
     type=Number(0, MOST, min_open=True),
-    help="Time limit of the search [s]; the best plan so far is returned.",
+    help="Time limit of the search, or of a given sequence [s]; the best plan so far is returned.",
 )
 @click.option(
     "--time-weight", type=Number(0, 1000), metavar="W", help="Cost of a second; the scene's by default (0.2)."
@@ -104,12 +104,16 @@ def plan(
     """Plan a SCENE: the name of a shipped one, or a TOML file."""
     if cost is not None and no_ergonomics:
         raise LgpError("--cost and --no-ergonomics exclude each other; leave one of them out")
-    if tree is not None and sequence is not None:
-        raise LgpError("--tree and --sequence exclude each other: a sequence is not searched; leave one of them out")
+    for option, value in (("--tree", tree), ("--depth", depth)):
+        if value is not None and sequence is not None:
+            raise LgpError(
+                f"{option} and --sequence exclude each other: a sequence is not searched; leave one of them out"
+            )
     loaded = load_scene(scene).with_heights(dict(_height(text) for text in heights))
     loaded = loaded if time_weight is None else loaded.with_time_weight(time_weight)
     lines = None if sequence is None else _read(sequence)
     with no_garbage():
+        from lgp.plan_files import holds_plan
         from lgp.planner import INTERRUPTED
         from lgp.planner import plan as make_plan
 
@@ -122,7 +126,7 @@ def plan(
         collisions=not no_collisions,
         accept_start=accept_start,
     )
-    if output is not None and not result.feasible and (Path(output) / PLAN_FILE).exists():
+    if output is not None and not result.feasible and holds_plan(Path(output)):
         echo(f"lgp: {output}: its former plan is kept", err=True)
         output = None
     if output is not None:

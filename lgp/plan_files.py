@@ -118,6 +118,14 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], SavedMotion | None]:
     return fields, _motion(folder, fields["joints"], fields["scene"].humans) if data["feasible"] else None
 
 
+def holds_plan(folder: Path) -> bool:
+    """Return whether a folder has a plan, or what cannot be read as one; the record of a failed planning is none."""
+    try:
+        return bool(_read(folder / PLAN_FILE)["feasible"])
+    except LgpError:
+        return (folder / PLAN_FILE).exists()
+
+
 def _read(file: Path) -> dict[str, Any]:
     try:
         data = from_json(read_settings(file))

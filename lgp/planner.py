@@ -37,7 +37,9 @@ from lgp.plan_record import PersonPostures, Plan
 from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
+from lgp.search.reasons import why_cut_short
 from lgp.search.records import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton
+from lgp.search.time_limit import time_limit
 from lgp.search.tree_search import search
 from reba.arrays import Array
 from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, from_home, is_number
@@ -88,8 +90,8 @@ def plan(
         sequence: actions to plan for instead of searching, as a plan prints them: `grasp(1, baxter.right, box)`; the
             number of the phase may be left out, and actions with the same one happen at the same time.
         depth: longest sequence of actions, the scene's by default.
-        seconds: wall-clock limit of the search [s]; the best plan so far is returned. A path that is being solved then
-            is finished, and not improved.
+        seconds: wall-clock limit of the search or of the given sequence [s]; the best plan so far is returned. A path
+            that is being solved then is finished, and not improved.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
         weights: of the terms of the cost, by default those of the scene.
@@ -134,7 +136,9 @@ def plan_within(
 
     A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
-    return plan_of(bounds, search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence))
+    if sequence is None:
+        return plan_of(bounds, search(task, bounds, budget, first))
+    return plan_of(bounds, follow(bounds, sequence, math.inf if budget is None else budget.seconds))
 
 
 def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:
@@ -210,31 +214,34 @@ def parse_sequence(task: Task, lines: Iterable[str]) -> Skeleton:
     return tuple(actions)
 
 
-def follow(bounds: PathBounds, skeleton: Skeleton) -> SearchResult:
-    """Solve all bound levels of one sequence, in the order of the search."""
+def follow(bounds: PathBounds, skeleton: Skeleton, seconds: float = math.inf) -> SearchResult:
+    """Solve all bound levels of one sequence, in the order of the search; after so many seconds none is improved."""
     begin = time.perf_counter()
     solved = {level: LevelStatistics() for level in bounds.levels}
     steps: list[tuple[str, Skeleton]] = [("pose", skeleton[: end + 1]) for end in range(len(skeleton))]
     steps += [(level, skeleton) for level in bounds.levels[1:]]
     result = BoundResult(True, 0.0)
-    for level, actions in steps if skeleton else ():
-        result = bounds.solve(level, actions, result, thorough=True)
-        solved[level] = solved[level].plus(result, result.seconds)
-        if not result.feasible:
-            break
+    with time_limit(seconds):
+        for level, actions in steps if skeleton else ():
+            result = bounds.solve(level, actions, result, thorough=True)
+            solved[level] = solved[level].plus(result, result.seconds)
+            if not result.feasible:
+                break
     given = SearchStatus.CONCURRENT if any(action.together for action in skeleton) else SearchStatus.GIVEN
+    failed = SearchStatus.EXHAUSTED if result.postponed else SearchStatus.INFEASIBLE
     return SearchResult(
-        status=given if result.feasible else SearchStatus.INFEASIBLE,
+        status=given if result.feasible else failed,
         skeleton=skeleton if result.feasible else (),
         cost=result.cost,
         payload=result.payload,
-        bound=0.0 if result.feasible else math.inf,  # no cost is negative; of other sequences nothing more is known
+        # No cost is negative; of other sequences nothing more is known.
+        bound=0.0 if result.feasible or result.postponed else math.inf,
         nodes=(),
         statistics=solved,
         expanded=0,
         pruned=0,
         seconds=time.perf_counter() - begin,
-        reason=result.reason,
+        reason=why_cut_short(seconds, [result.reason]) if result.postponed else result.reason,
     )
 
 

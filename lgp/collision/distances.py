@@ -290,7 +290,7 @@ def _from_box(rotation: Array, offset: Array, half: Array) -> tuple[Array, Array
 
 
 def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
-    """Return whether two shapes can touch and are not of one limb of a person."""
+    """Return whether two shapes move against each other, can touch and are not of one limb of a person."""
     kinds = {first.kind, second.kind}
     if "grip" in kinds:
         return kinds in ({"grip"}, {"grip", "object"})
@@ -301,6 +301,8 @@ def _may_meet(first: CollisionShape, second: CollisionShape) -> bool:
     if not (first.frame or second.frame):
         # Of two shapes that no joint moves, only objects do.
         return "object" in kinds
-    if first.owner != second.owner or not first.branch:
+    if first.owner != second.owner:
         return True
-    return first.branch != second.branch and (first.reaches or second.reaches)
+    if first.frame == second.frame:
+        return False  # nothing moves them against each other
+    return not first.branch or (first.branch != second.branch and (first.reaches or second.reaches))

@@ -226,7 +226,7 @@ def multi_start(
             if cost <= GOOD_RATIO * contacts.cost:
                 break
         known = math.isfinite(cost_limit) or least <= PLAUSIBLE_RATIO * contacts.cost
-        if time_is_up() and math.isfinite(least):
+        if time_is_up():
             break
         if number >= CANDIDATES and (known or (best is not None and number >= CANDIDATES + MOTIONS)):
             break

@@ -22,7 +22,7 @@ from lgp.scene.joint_units import SLIDE
 from lgp.scene.model import Hand, SceneObject, Table
 from lgp.sqp.backends import Piqp
 from lgp.sqp.merit import violation_max
-from lgp.sqp.qp import QP, QPStatus
+from lgp.sqp.qp import QP, QPStatus, limits_of
 from reba.arrays import Array, Flags, Indices
 
 CLOSE = 1e-4
@@ -85,9 +85,9 @@ def nearest_feasible(problem: PathProblem, start: Array, tolerance: float) -> tu
         if violation <= tolerance or violation > PROGRESS * before:
             break
         equal, limits = problem.constraints.jacobians(values, *at)
+        b, h = limits_of(values.equality, values.inequality, equal, limits)
         qp = QP(
-            sp.csc_matrix(identity), none, equal, -values.equality, limits, -values.inequality,
-            problem.lower - x, problem.upper - x,
+            sp.csc_matrix(identity), none, equal, b, limits, h, problem.lower - x, problem.upper - x,
         )  # fmt: skip
         result = solver.solve(qp)
         if result.status is not QPStatus.SOLVED:

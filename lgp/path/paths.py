@@ -40,6 +40,7 @@ from lgp.path.problem import PathProblem
 from lgp.path.reasons import explain_infeasibility
 from lgp.path.sampled_motion import Motion, sampled_motions
 from lgp.search.records import Skeleton
+from lgp.search.time_limit import time_is_up
 from lgp.sqp.merit import violation_max
 from lgp.sqp.problem import SolverOptions
 from lgp.sqp.result import Result
@@ -228,7 +229,13 @@ class PathSolver:
         return self._from_guesses(phases, given, limit)
 
     def _from_guesses(self, phases: Phases, given: _Guesses, limit: float) -> Answer:
-        """Return the cheaper of the known path and one from other guesses."""
+        """Return the cheaper of the known path and one from other guesses; those that time leaves are kept."""
+        answer = self._best_of(phases, given, limit)
+        if answer[0] is None and time_is_up():
+            self._left[phases.actions] = given
+        return answer
+
+    def _best_of(self, phases: Phases, given: _Guesses, limit: float) -> Answer:
         problem_of = self.problem_of(phases)
         candidate = multi_start(
             problem_of,

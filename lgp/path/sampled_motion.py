@@ -19,6 +19,7 @@ from lgp.path.feasibility import CLOSE, project_to_feasible
 from lgp.path.phases import Phases
 from lgp.path.problem import PathProblem
 from lgp.path.random_trees import along, connect
+from lgp.search.time_limit import time_is_up
 from reba.arrays import Array, Flags, Indices
 
 MOTIONS: Final = 2
@@ -40,7 +41,7 @@ def sampled_motions(
     phases: Phases, initial_configuration: Array, sequence_of: Callable[[Phases], PathProblem],
     constraints: CollisionConstraints,
 ) -> Iterator[Motion]:  # fmt: skip
-    """Yield collision-free motions of a sequence, none where no seed leads to one.
+    """Yield collision-free motions of a sequence, none where no seed leads to one or time is up.
 
     Args:
         sequence_of: phases -> sequence problem.
@@ -48,6 +49,8 @@ def sampled_motions(
     """
     problems = [sequence_of(_first(phases, count)) for count in range(1, phases.count + 1)]
     for seed in range(MOTIONS):
+        if time_is_up():
+            return
         motion = _Sampler(problems, initial_configuration, constraints, np.random.default_rng(seed)).motion()
         if motion is not None:
             yield motion

@@ -27,13 +27,12 @@ from lgp.logic.heuristic import relaxed_plan, why_unreachable
 from lgp.logic.impossible import exclusive_goals, fewest_actions
 from lgp.logic.task import Task
 from lgp.search.order import OpenNodes
+from lgp.search.reasons import in_short, why_cut_short
 from lgp.search.records import BoundResult, Bounds, Budget, LevelStatistics, Node, SearchResult, SearchStatus, Skeleton
 from lgp.search.time_limit import time_is_up, time_limit
 
 PATIENCE = 100
 """Nodes extended until a search without a plan goes depth first."""
-REASONS = 4
-"""Number of reasons that are given where there is no plan; those of all sequences are in the nodes."""
 PHASE = re.compile(r"phase \d+, (\w+)\(\d+, ")
 """The number of a phase in a reason."""
 BOUND_EVERY = 4
@@ -70,7 +69,7 @@ class _Search:
         self.postponed: list[Node] = []
         self.incumbent: Node | None = None
         self.expanded = self.pruned = self.steps = 0
-        self.blocked = False
+        self.blocked = self.cut_short = False
         self.start = time.perf_counter()
 
     def run(self) -> SearchResult:
@@ -87,7 +86,7 @@ class _Search:
                 while not time_is_up() and (self.open or self._reopen() or self.postponed):
                     self._step()
                 # What was cut short at the last problem proves nothing either.
-                self.blocked = self.blocked or time_is_up()
+                self.cut_short = time_is_up()
         except KeyboardInterrupt:
             if not self.budget.keep_interrupted:
                 raise
@@ -96,13 +95,13 @@ class _Search:
 
     def _finish(self) -> SearchResult:
         if self.incumbent is not None:
-            status = SearchStatus.GAP if self.blocked else SearchStatus.OPTIMAL
+            status = SearchStatus.GAP if self.blocked or self.cut_short else SearchStatus.OPTIMAL
             return self._result(status, self._open_bound())
-        if self.blocked:
-            return self._result(SearchStatus.EXHAUSTED, self._open_bound(), "the budget ran out")
+        if self.blocked or self.cut_short:
+            reason = why_cut_short(self.budget.seconds if self.cut_short else None, self._reasons())
+            return self._result(SearchStatus.EXHAUSTED, self._open_bound(), reason)
         if reasons := self._reasons():
-            more = f"; and {len(reasons) - REASONS} more" if len(reasons) > REASONS else ""
-            return self._result(SearchStatus.INFEASIBLE, math.inf, "; ".join(reasons[:REASONS]) + more)
+            return self._result(SearchStatus.INFEASIBLE, math.inf, in_short(reasons))
         fewest = fewest_actions(self.task)
         if fewest is not None and fewest < 0:
             return self._result(
@@ -113,10 +112,10 @@ class _Search:
         return self._result(SearchStatus.INFEASIBLE, math.inf, reason)
 
     def _reasons(self) -> list[str]:
-        """Return why sequences are infeasible, of one action that fails in several phases the first."""
+        """Return why sequences are infeasible or have no path yet, of an action that fails in many phases the first."""
         first: dict[str, str] = {}
-        for node in self.nodes:
-            if node.verdict == "infeasible":
+        for node in (*self.postponed, *self.nodes):
+            if node.verdict == "infeasible" or (node.reason and not node.verdict):
                 first.setdefault(PHASE.sub(r"\1(", node.reason), node.reason)
         return list(first.values())
 
@@ -229,6 +228,7 @@ class _Search:
             return
         result = self._solve(name, node, thorough=thorough)
         if result.postponed:
+            node.reason = result.reason
             self.postponed.append(node)
             return
         if not result.feasible:
@@ -238,7 +238,7 @@ class _Search:
             node.level, node.bound = node.level + 1, max(node.bound, result.cost)
             self._prune(node, self._too_dear(result.cost))
             return
-        node.result, node.costs[name] = result, result.cost
+        node.result, node.costs[name], node.reason = result, result.cost, ""
         node.estimate = result.cost if result.estimate is None else result.estimate
         node.level += 1
         last = node.level == len(self.bounds.levels)

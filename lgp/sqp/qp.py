@@ -5,14 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from lgp.sqp.problem import Model, ProblemError
-from reba.arrays import Array
+from reba.arrays import Array, Flags
+
+HOLDS: Final = 1e-6
+"""[m, rad] Value of a row that no unknown moves up to which it holds: the angles of a robot file are rounded."""
+STILL: Final = 1e-12
+"""Derivatives that are rounding errors."""
 
 
 class QPStatus(Enum):
@@ -65,6 +70,28 @@ class QP:
     def objective(self, x: Array) -> float:
         """Return x'Px/2 + q'x."""
         return float(0.5 * x @ self.hessian_dot(x) + self.q @ x)
+
+
+def limits_of(equality: Array, inequality: Array, equal: sp.csr_matrix, below: sp.csr_matrix) -> tuple[Array, Array]:
+    """Return b and h of linearised rows from their values (m_e,), (m_i,) and Jacobians, constants that hold left free.
+
+    A row that no unknown moves holds or does not, whatever the step: taken to the last digit, a rounding error of it
+    would make all rows inconsistent, and one that is just met would leave an interior point method no interior.
+
+    Example:
+        >>> rows = sp.csr_matrix([[1.0, 0.0], [0.0, 1e-17], [0.0, 0.0]])
+        >>> b, h = limits_of(np.array([1e-3, 4e-9, 1e-3]), np.array([-1e-3, -4e-9, 1e-3]), rows, rows)
+        >>> b.tolist(), h.tolist()
+        ([-0.001, 0.0, -0.001], [0.001, 1.0, -0.001])
+    """
+    b = np.where(_still(equal) & (np.abs(equality) <= HOLDS), 0.0, -equality)
+    return b, np.where(_still(below) & (inequality <= HOLDS), 1.0, -inequality)
+
+
+def _still(rows: sp.csr_matrix) -> Flags:
+    """Return which rows (m,) no unknown moves."""
+    of_row = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))
+    return np.bincount(of_row, weights=np.abs(rows.data), minlength=rows.shape[0]) < STILL
 
 
 @dataclass(frozen=True)

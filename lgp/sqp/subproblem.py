@@ -14,7 +14,7 @@ from lgp.sqp.active_set import ActiveSet
 from lgp.sqp.backends import Piqp
 from lgp.sqp.merit import violation_sum
 from lgp.sqp.problem import Model, Problem, Values
-from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, UpperTriangle, cost_scale, same_pattern
+from lgp.sqp.qp import QP, QPBackend, QPResult, QPStatus, UpperTriangle, cost_scale, limits_of, same_pattern
 from lgp.sqp.reduced_qp import ReducedQP
 from reba.arrays import Array
 
@@ -107,8 +107,8 @@ class SubproblemSolver:
 
     def second_order_correction(self, step: SqpStep, values: Values, model: Model) -> Array | None:
         """Return the second-order correction (n,) of a full step with these values (NW eq. 18.55); None if it fails."""
-        equalities = model.eq_jac @ step.step - values[1]
-        inequalities = model.in_jac @ step.step - values[2]
+        left = values[1] - model.eq_jac @ step.step, values[2] - model.in_jac @ step.step
+        equalities, inequalities = limits_of(*left, model.eq_jac, model.in_jac)
         corrected = replace(step.qp, b=equalities, h=inequalities)
         result = self.reduced.solve(corrected, step.result, self.backend.solve)
         if result.status is not QPStatus.SOLVED:
@@ -119,13 +119,14 @@ class SubproblemSolver:
         """Return the QP of a step from x (n,); the next call overwrites its Hessian."""
         if self._upper is None or not self._upper.fits(model.hessian):
             self._upper = UpperTriangle(model.hessian)
+        b, h = limits_of(model.eq, model.ineq, model.eq_jac, model.in_jac)
         return QP(
             P=self._upper.update(model.hessian, damping),
             q=model.gradient,
             A=model.eq_jac,
-            b=-model.eq,
+            b=b,
             G=model.in_jac,
-            h=-model.ineq,
+            h=h,
             lb=np.maximum(problem.lower - x, -self.radius),
             ub=np.minimum(problem.upper - x, self.radius),
         )

@@ -126,6 +126,21 @@ def test_a_failed_planning_keeps_the_former_plan(
     assert json.loads((tmp_path / "new" / "plan.json").read_text())["reason"] == "out of reach"
 
 
+def test_the_record_of_a_failed_planning_is_no_plan_to_keep(
+    plan: lgp.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for reason in ("out of reach", "too heavy"):
+        infeasible = replace(plan, feasible=False, reason=reason)
+        monkeypatch.setattr("lgp.planner.plan", lambda *_, result=infeasible, **__: result)
+        code, _, err = call(capsys, "plan", "screwdriver", "-o", tmp_path)
+        assert code == 2
+        assert "former plan" not in err
+        assert json.loads((tmp_path / "plan.json").read_text())["reason"] == reason
+    (tmp_path / "plan.json").write_text("{")
+    assert "former plan is kept" in call(capsys, "plan", "screwdriver", "-o", tmp_path)[2]
+    assert (tmp_path / "plan.json").read_text() == "{"
+
+
 @pytest.mark.parametrize("name", ["plan.json", "plan.txt", "path.parquet", "postures.parquet"])
 def test_a_tree_and_an_export_replace_no_plan(
     plan: lgp.Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str

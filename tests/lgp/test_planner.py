@@ -198,6 +198,7 @@ def test_sequences_are_checked() -> None:
         (["plan", "screwdriver", "--height", "top=1"], "no table"),
         (["plan", "screwdriver", "--sequence", "nothing.txt"], "cannot be read"),
         (["plan", "screwdriver", "--sequence", "x", "--tree", "y.svg"], "is not searched"),
+        (["plan", "screwdriver", "--sequence", "x", "--depth", "3"], "is not searched"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], message: str) -> None:

@@ -9,6 +9,8 @@ from lgp.collision.distances import Collisions
 from lgp.kinematics.leg_ik import solve_legs
 from lgp.kinematics.modes import KinematicSwitch, ModeSequence, jaw_opening
 from lgp.kinematics.posture import PELVIS
+from lgp.kinematics.world import World
+from lgp.scene.scene_file import load_scene, shipped_scenes
 from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
 
 RIGHT = "human.right_hand"
@@ -134,6 +136,15 @@ def test_neighbours_of_one_body_are_no_pairs() -> None:
         assert [shape.name for shape in Collisions(human_world(legs)).shapes] == [
             shape.name for shape in collisions.shapes
         ]
+
+
+@needs_robots
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_no_pair_is_of_bodies_that_nothing_moves_against_each_other(name: str) -> None:
+    collisions = Collisions(World(load_scene(name)))
+    for one, other in collisions.pairs:
+        first, second = collisions.shapes[one], collisions.shapes[other]
+        assert (first.owner, first.frame) != (second.owner, second.frame), (first.name, second.name)
 
 
 @pytest.mark.parametrize("name", ["left_thigh", "right_shank"])

@@ -11,8 +11,10 @@ import lgp
 from lgp.kinematics.world import World
 from lgp.path.bounds import PathBounds
 from lgp.path.sampled_motion import sampled_motions
-from lgp.planner import parse_sequence, task_of
+from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
+from lgp.search.records import SearchStatus
+from tests.support.says import says
 
 pytestmark = pytest.mark.slow
 ACTIONS = ["grasp(panda.hand, box)", "place(panda.hand, box, table.top)"]
@@ -57,6 +59,17 @@ def test_a_box_is_taken_out_from_under_a_board() -> None:
     plan = lgp.plan(read_scene(cabinet(clear=0.3)), cost=None, sequence=ACTIONS)
     assert plan.feasible, plan.reason
     assert plan.audit["faults"] == []
+
+
+def test_a_given_sequence_whose_time_is_up_is_not_decided() -> None:
+    scene = read_scene(cabinet(clear=0.3))
+    bounds = PathBounds(World(scene), collisions=True)
+    skeleton = parse_sequence(task_of(scene), ACTIONS)
+    late = follow(bounds, skeleton, seconds=1e-3)
+    assert late.status is SearchStatus.EXHAUSTED
+    assert late.bound == 0.0
+    says(late.reason, "time limit of 0.001 s", "allow more", "until then", "path: ")
+    assert follow(bounds, skeleton).status is SearchStatus.GIVEN
 
 
 def test_without_room_for_a_hand_there_is_no_plan() -> None:

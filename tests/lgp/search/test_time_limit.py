@@ -11,6 +11,7 @@ from lgp.search.time_limit import time_is_up, time_limit
 from lgp.search.tree_search import search
 from tests.lgp.search.test_tree_search import task
 from tests.support.random_bounds import RandomBounds
+from tests.support.says import says
 
 
 def test_limits_end_with_their_block_and_the_inner_one_counts() -> None:
@@ -37,6 +38,25 @@ def test_problems_know_the_limit_of_the_search_that_asks_them() -> None:
     assert result.status in (SearchStatus.GAP, SearchStatus.EXHAUSTED)
     assert not seen[0]
     assert len(seen) < 10
+
+
+def test_a_search_without_a_plan_says_which_limit_ended_it_and_what_it_had_tried() -> None:
+    class Stuck(RandomBounds):
+        """Finds no path from its first guess, and has others."""
+
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = float("inf")
+        ) -> BoundResult:
+            if level != "path":
+                return super().solve(level, skeleton, warm, limit)
+            time.sleep(0.3)
+            return BoundResult(False, float("inf"), "path: arm.fore is 4 mm in table.bench", postponed=True)
+
+    late = search(task(), Stuck(5, 0.0), Budget(depth=5, seconds=0.25))
+    assert late.status is SearchStatus.EXHAUSTED
+    says(late.reason, "time limit of 0.25 s", "allow more", "until then", "arm.fore is 4 mm in table.bench")
+    few = search(task(), RandomBounds(7, 0.0), Budget(depth=5, calls={"pose": 0}))
+    says(few.reason, "limit of problems", "allow more")
 
 
 def test_a_sequence_whose_problem_is_interrupted_still_bounds_the_optimum() -> None:

@@ -121,6 +121,29 @@ def test_linearly_dependent_rows_are_solved(backend):
     np.testing.assert_allclose(result.x, 1.0, atol=1e-5)
 
 
+@pytest.mark.parametrize("backend", [ActiveSet, Piqp])
+def test_a_row_that_no_unknown_moves_is_inconsistent_only_beyond_the_tolerance(backend):
+    """Such as the tilt of a tool that only slides, from a robot file that writes half a turn as 3.14159265, and the
+    distance of two flat links that turn above each other."""
+
+    def problem(constant):
+        return FunctionProblem(
+            2,
+            cost=lambda x: x @ x,
+            gradient=lambda x: 2 * x,
+            equality=lambda x: np.array([x[0] * x[1] - 1, constant]),
+            equality_jacobian=lambda x: np.array([[x[1], x[0]], [0.0, 1e-17]]),
+            inequality=lambda x: np.array([0.5 - x[0], abs(constant), -6e-10]),
+            inequality_jacobian=lambda x: np.array([[-1.0, 0.0], [0.0, 0.0], [1e-17, 0.0]]),
+        )
+
+    result = solve(problem(-3.6e-9), np.array([2.0, 1.0]), backend=backend())
+    assert result.status is SolveStatus.OPTIMAL
+    assert not any(step.qp_solver.startswith("elastic") for step in result.iterations)
+    np.testing.assert_allclose(result.x, 1.0, atol=1e-5)
+    assert solve(problem(1e-3), np.array([2.0, 1.0]), backend=backend()).status is SolveStatus.INFEASIBLE
+
+
 @pytest.mark.parametrize("slope", [lambda x: -1.0, lambda x: -2 * x])
 def test_a_cost_without_lower_bound_is_unbounded(slope):
     cost = {True: lambda x: -float(x[0]), False: lambda x: -float(x @ x)}[slope(1.0) == -1.0]
