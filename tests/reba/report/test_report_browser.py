@@ -15,6 +15,7 @@ import reba
 from reba.analysis.exposure import durations
 from reba.analysis.wording import span
 from reba.posture.skeleton import joints
+from reba.printable import WITH_UNIT, joined
 from reba.report import write_report
 from reba.report.what_if import what_if
 from reba.scores import Scores
@@ -77,7 +78,7 @@ def inked(browser: Any, selector: str) -> int:
 
 def press(browser: Any, key: str, shift: bool = False) -> None:
     browser.execute_script(
-        "document.querySelector('.tracks').dispatchEvent(new KeyboardEvent('keydown', "
+        "document.querySelector('.cursor').dispatchEvent(new KeyboardEvent('keydown', "
         "{ key: arguments[0], shiftKey: arguments[1], bubbles: true, cancelable: true }))", key, shift
     )  # fmt: skip
 
@@ -91,7 +92,7 @@ def said_of(scores: Scores, frame: int) -> str:
     """Return the beginning of what the page says of a frame."""
     row = scores.data.iloc[frame]
     low, high = int(row["reba_low"]), int(row["reba_high"])
-    return f"{row['time']:.2f} s: REBA {span(low, high)} ("
+    return joined(f"{row['time']:.2f} s: REBA {span(low, high)} (")
 
 
 def test_the_cursor_follows_keys_mouse_and_links(browser: Any, report: Path) -> None:
@@ -180,8 +181,8 @@ def test_assumptions_change_the_shares(browser: Any, report: Path) -> None:
     row = np.ravel_multi_index(choice, [len(values) for values in table.settings.values()])
     low, high = (f"{share * durations(scores.time).sum():.1f} s (" for share in table.shares[row, 6:])
     said = browser.execute_script("return document.querySelector('#r1 .outcome').textContent")
-    assert said.startswith(f"REBA 8 or more: {low}")
-    assert high in said
+    assert said.startswith(joined(f"REBA 8 or more: {low}"))
+    assert joined(high) in said
     spans = "return [...document.querySelectorAll(arguments[0])].map((e) => e.className).filter((e) => e !== 'open')"
     for bar in ("#r1 .what-if .bar i", "#r1 .levelbars:not(.errorbars) .bar:first-of-type i"):
         names = browser.execute_script(spans, bar)
@@ -231,9 +232,61 @@ def test_nothing_is_cut_or_leaves_its_frame(browser: Any, tmp_path: Path) -> Non
 
 def test_a_number_stays_with_its_unit(browser: Any, report: Path) -> None:
     show(browser, report, 390)
+    readout(browser)
     said = browser.execute_script("return document.querySelector('#r1 .card .verdict').textContent")
     assert re.search(r"\d\xa0s \(\d+\xa0%", said)
-    assert not re.search(r"\d (s|%|degrees)", said)
+    apart = browser.execute_script(
+        """const apart = new RegExp(arguments[0]), texts = [];
+        const all = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+        while (all.nextNode()) if (!all.currentNode.parentElement.closest('pre, script, style, svg')) {
+          const text = all.currentNode.textContent; if (apart.test(text)) texts.push(text); }
+        return texts""",
+        WITH_UNIT,
+    )
+    assert apart == []
+    assert "--load 7" in browser.execute_script("return document.querySelector('pre').textContent")
+
+
+@pytest.fixture(scope="module")
+def hour(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scores, Path]:
+    """An hour whose score changes every second, with ranges that are long as text."""
+    rng = np.random.default_rng(4)
+    time = np.arange(36_000) / 10
+    columns = {name: np.repeat(rng.uniform(0, 80, 3600), 10) for name in reba.COLUMNS if "wrist" not in name}
+    scores = reba.score(pd.DataFrame({"time": time, **columns}), load=7.0, activity="none")
+    path = tmp_path_factory.mktemp("hour") / "hour.html"
+    write_report([scores], path)
+    return scores, path
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_an_hour_fits_and_shows_means_until_it_is_zoomed(browser: Any, hour: tuple[Scores, Path], width: int) -> None:
+    scores, path = hour
+    show(browser, path, width)
+    readout(browser)
+    assert too_wide(browser) <= 0
+    browser.execute_script("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert too_wide(browser) <= 0
+    code = (
+        "return [...document.querySelectorAll('.levels, .what-if table')].map((e) => e.getBoundingClientRect().right)"
+    )
+    assert max(browser.execute_script(code)) <= width, "tables of long times"
+    assert visible(browser, ".busy") == 1
+    k, parts = 17, 150
+    inside = (scores.time >= 3600 / parts * k) & (scores.time < 3600 / parts * (k + 1))
+    for end in ("low", "high"):
+        mean = scores.data[f"reba_{end}"][inside].mean()
+        shown = browser.execute_script(f"return window.explorers.r1.means.reba.{end}[{k}] / 10")
+        assert shown == pytest.approx(mean, abs=0.0501)
+    browser.execute_script("const e = window.explorers.r1; e.zoomTo(100, 130); e.draw()")
+    readout(browser)
+    assert visible(browser, ".busy") == 0
+
+
+def test_an_hour_is_printed_with_its_means(hour: tuple[Scores, Path]) -> None:
+    page = hour[1].read_text(encoding="utf-8")
+    assert page.count('class="spread"') == 1
+    assert joined("time [min]; line: mean over 24.0 s, grey: lowest to highest score") in page
 
 
 def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
