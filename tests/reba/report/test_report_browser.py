@@ -425,3 +425,83 @@ def test_the_overview_is_sorted_by_a_click(browser: Any, tmp_path: Path) -> None
     browser.find_element("css selector", ".overview tbody tr a").click()
     assert browser.execute_script("return location.hash") == "#r3"
     assert complaints(browser) == []
+
+
+def at(browser: Any, selector: str) -> tuple[float, float, float, float]:
+    """Scroll to an element, and return its box in the window."""
+    code = """const e = document.querySelector(arguments[0]); e.scrollIntoView({ block: 'center' });
+        const box = e.getBoundingClientRect(); return [box.left, box.top, box.width, box.height]"""
+    left, top, width, height = browser.execute_script(code, selector)
+    return left, top, width, height
+
+
+def test_real_keys_mouse_and_fingers_move_cursor_and_figure(browser: Any, report: Path) -> None:
+    """Events as the browser makes them from devices, not ones that a script sends to an element."""
+
+    def state() -> tuple[int, list[float], float]:
+        readout(browser)
+        code = "const e = window.explorers.r1; return [e.at, e.shown, e.degrees]"
+        now, shown, degrees = browser.execute_script(code)
+        return now, shown, degrees
+
+    def mouse(kind: str, x: float, y: float, buttons: int = 0) -> None:
+        event = {"type": kind, "x": x, "y": y, "button": "left" if buttons or kind == "mouseReleased" else "none"}
+        browser.execute_cdp_cmd("Input.dispatchMouseEvent", {**event, "buttons": buttons, "clickCount": 1})
+
+    def fingers(kind: str, *places: tuple[float, float]) -> None:
+        points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(places)]
+        browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def key(name: str) -> None:
+        for kind in ("rawKeyDown", "keyUp"):
+            code = {"ArrowRight": 39, "Home": 36, "Tab": 9}[name]
+            event = {"type": kind, "key": name, "code": name, "windowsVirtualKeyCode": code}
+            browser.execute_cdp_cmd("Input.dispatchKeyEvent", event)
+
+    show(browser, report, 1280)
+    left, top, width, height = at(browser, "#r1 canvas.scores")
+    mouse("mouseMoved", left + 0.5 * width, top + 0.5 * height)
+    middle = state()[0]
+    mouse("mouseMoved", left + 0.8 * width, top + 0.5 * height)
+    assert state()[0] > middle > 0
+    mouse("mousePressed", left + 0.5 * width, top + 0.5 * height, 1)
+    mouse("mouseReleased", left + 0.5 * width, top + 0.5 * height)
+    focused = "return document.activeElement.getAttribute('role')"
+    assert browser.execute_script(focused) == "slider"
+    key("Home")
+    assert state()[0] == 0
+    key("ArrowRight")
+    assert state()[0] == 1
+    key("Tab")
+    assert browser.execute_script("return document.activeElement.dataset.part") == "trunk"
+    left, top, width, height = at(browser, "#r1 canvas.figure")
+    before = state()[2]
+    mouse("mousePressed", left + 0.5 * width, top + 0.5 * height, 1)
+    mouse("mouseMoved", left + 0.5 * width + 40, top + 0.5 * height, 1)
+    mouse("mouseReleased", left + 0.5 * width + 40, top + 0.5 * height)
+    assert state()[2] != before
+    show(browser, report, 390)
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+    try:
+        left, top, width, height = at(browser, "#r1 canvas.parts")
+        y = top + 0.5 * height
+        fingers("touchStart", (left + 0.6 * width, y))
+        fingers("touchMove", (left + 0.8 * width, y))
+        fingers("touchEnd")
+        assert state()[0] > middle
+        whole = state()[1]
+        fingers("touchStart", (left + 0.6 * width, y), (left + 0.7 * width, y))
+        for k in range(1, 5):
+            fingers("touchMove", (left + (0.6 - 0.03 * k) * width, y), (left + (0.7 + 0.04 * k) * width, y))
+        fingers("touchEnd")
+        shown = state()[1]
+        assert shown[1] - shown[0] < whole[1] - whole[0], "two fingers zoom"
+        left, top, width, height = at(browser, "#r1 canvas.figure")
+        before = state()[2]
+        fingers("touchStart", (left + 0.3 * width, top + 0.5 * height))
+        for k in range(1, 4):
+            fingers("touchMove", (left + (0.3 + 0.1 * k) * width, top + 0.5 * height))
+        fingers("touchEnd")
+        assert state()[2] != before, "a finger turns the figure"
+    finally:
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
