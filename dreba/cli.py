@@ -8,6 +8,7 @@ if __name__ == "__main__":
     enter("dreba.cli")  # under its own name, and before the other imports
 
 import os
+import sys
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -322,7 +323,13 @@ def card(names: tuple[str, ...], usefulness: str | None, output: str | None, as_
     if as_json:
         print_json({"cards": cards, "output": output})
     elif output is None:
-        echo(text, nl=False, keep="\n")
+        if sys.stdout.isatty():
+            from reba.terminal import console
+
+            for line in text.splitlines():
+                console().print(line)
+        else:
+            echo(text, nl=False, keep="\n")
     else:
         echo(f"written: {output}")
 

@@ -215,8 +215,9 @@ def experiment(
 
     \b
     screwdriver   choice of one of three tables of random heights
-    toolbox       order of actions in one scene; draws nothing, and takes no option that is about draws
-    all           both in all variants and from both initial postures, and a table that compares them with the paper
+    toolbox       order of actions in one scene; takes no option about draws
+    all           both in all variants and from both initial postures, and a
+                  table that compares them with the paper
     """
     draws: dict[str, Any] = {
         "runs": runs,
@@ -334,7 +335,7 @@ def page(folder: str, output: str | None, pictures: bool, as_json: bool) -> None
         echo(f"{index}: {len(plan.actions)} actions, {size / 1e6:.1f} MB; open it in any browser")
 
 
-@cli.command()
+@cli.command(epilog="Example: lgp scenes --json")
 @json_option
 def scenes(as_json: bool) -> None:
     """List the shipped scenes."""
@@ -342,8 +343,10 @@ def scenes(as_json: bool) -> None:
     if as_json:
         print_json(titles)
         return
+    from reba.terminal import console
+
     for name, title in titles.items():
-        echo(f"{name}: {title}")
+        console().print(f"{name}: {title}")
 
 
 cli.add_command(study)

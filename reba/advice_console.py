@@ -40,11 +40,12 @@ def show_advice(console: Console, advice: Advice, *, every: bool = False) -> Non
         _item(console, "", f"{change.control} control; {change.source}", style="dim")
     for together in (advice.pair, advice.triple):
         if together is not None:
-            texts = "; ".join(change.text for change in together.changes)
-            _item(console, f"best {NUMBERS[len(together.changes)]} together:", f"{texts}: {advice.effect(together)}")
+            label = f"best {NUMBERS[len(together.changes)]} together:"
+            _item(console, label, f"{together.text}: {advice.effect(together)}")
     left = len(advice.single) - SHOWN
     if left > 0 and not every:
-        console.print(f"{left} more: --all")
+        tied = f"; {advice.tied} of them take as much time away as number {SHOWN}" if advice.tied else ""
+        console.print(f"{left} more: --all{tied}")
 
 
 def _item(console: Console, label: str, text: str, style: str = "") -> None:

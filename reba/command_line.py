@@ -9,7 +9,9 @@ import io
 import math
 import os
 import shlex
+import shutil
 import sys
+import textwrap
 import traceback
 import warnings
 from collections.abc import Callable, Iterable
@@ -24,7 +26,7 @@ from reba.file_names import word_without_folder
 from reba.files import as_json
 from reba.interrupts import discard_output, interrupted
 from reba.outputs import FileOutput, FolderOutput, Output, check_outputs, existing
-from reba.printable import printable
+from reba.printable import joined, printable
 from reba.provenance import with_provenance
 
 
@@ -192,12 +194,32 @@ class Stop(Exception):
 def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
     r"""Print a text with its hidden characters as escape codes, except those to `keep`; every line passes here.
 
+    A message on a terminal ends its lines between words; in a pipe or a file it is one line.
+
     Args:
         err: on standard error.
         nl: end the line.
         keep: such as "\n" for a text of several lines.
     """
-    click.echo(printable(text, keep), err=err, nl=nl)
+    shown = printable(text, keep)
+    if err and not keep and sys.stderr is not None and sys.stderr.isatty():
+        shown = _in_lines(shown, shutil.get_terminal_size().columns)
+    click.echo(shown, err=err, nl=nl)
+
+
+def _in_lines(text: str, width: int) -> str:
+    """Return a message in lines of a width; the later ones are indented, so that none looks like a message of its own.
+
+    >>> print(_in_lines("note: the first frame was left out at 2 s", 20))
+    note: the first
+      frame was left out
+      at 2 s
+    """
+    space = "\ue000"  # where no line ends
+    lines = textwrap.wrap(
+        joined(text, space), width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
+    return "\n".join(lines).replace(space, " ")
 
 
 def print_json(result: Any) -> None:

@@ -191,9 +191,12 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
         if part and shown:
             table.add_section()
         shown = line.part
-        table.add_row(part, "?" if line.points is None else f"{line.points:+d}", line.what, line.value, line.rule)
+        points = f"{line.points:+d}" if line.possible is None else "{}-{}".format(*line.possible)
+        table.add_row(part, points, line.what, line.value, line.rule)
     console.print(table)
-    s = {name: "?" if value is None else str(value) for name, value in {**sheet.scores, **sheet.tables}.items()}
+    known = {**sheet.scores, **sheet.tables}
+    s = {name: "-".join(dict.fromkeys(map(str, ends))) for name, ends in sheet.ranges.items()}
+    s |= {name: str(value) for name, value in known.items() if value is not None}
     console.print(
         f"Table A (trunk {s['trunk']}, neck {s['neck']}, legs {s['legs']}): {s['table_a']} + load and force "
         f"{s['load_force']} = Score A {s['score_a']}"

@@ -9,6 +9,7 @@ of Unicode Standard Annex #9), as in UTS #39, Unicode Security Mechanisms; https
 from __future__ import annotations
 
 import html
+import re
 from typing import Final
 from unicodedata import category
 
@@ -18,6 +19,21 @@ NONCHARACTERS: Final = "\ufffe\uffff"
 """Code points that no XML may contain, so that a drawing with them would not open."""
 JOINERS: Final = "\u200c\u200d"
 """Format characters that Persian, the scripts of India and emoji are written with (Unicode Standard Annex #31)."""
+
+UNITS: Final = "%|s|ms|min|h|Hz|deg|degrees|rad|kg|N|m|cm|mm|MB|percentage points"
+"""Units of the numbers in texts, as a pattern."""
+WITH_UNIT: Final = rf"(?<=\d) (?=(?:{UNITS})(?!\w))|(?<=\d min) (?=\d)|(?<=\d h) (?=\d)|(?<=REBA) (?=\d)"
+"""Spaces at which no line may end: between a number and its unit (as a pattern of Python and of JavaScript)."""
+_WITH_UNIT: Final = re.compile(WITH_UNIT)
+
+
+def joined(text: str, by: str = "\xa0") -> str:
+    """Return a text whose numbers stay on one line with their units.
+
+    >>> joined("2 min 20 s at REBA 9", by="_")
+    '2_min_20_s at REBA_9'
+    """
+    return _WITH_UNIT.sub(by, text)
 
 
 def printable(text: str, keep: str = "") -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import copy
 import os
-import re
 import sys
 from typing import Any, Final
 
@@ -18,10 +17,8 @@ import rich.text
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from reba.printable import printable
+from reba.printable import joined, printable
 
-UNITS: Final = "%|s|ms|min|h|Hz|deg|degrees|rad|kg|N|m|cm|mm|MB|percentage points"
-_TOGETHER: Final = re.compile(rf"(?<=\d) (?=(?:{UNITS})(?!\w))|(?<=\d min) (?=\d)|(?<=\d h) (?=\d)|(?<=REBA) (?=\d)")
 _JOINED: Final = "\ue000"
 """Stands for a space at which no line ends while lines are laid out: a no-break space is one to rich, too."""
 LARGE: Final = 10_000
@@ -57,9 +54,9 @@ class Text(rich.text.Text):
         return self._joined().__rich_measure__(console, options)
 
     def _joined(self) -> rich.text.Text:
-        joined = self.copy()  # of the class of rich
-        joined.plain = _TOGETHER.sub(_JOINED, self.plain)
-        return joined
+        text = self.copy()  # of the class of rich
+        text.plain = joined(self.plain, _JOINED)
+        return text
 
 
 class Console(rich.console.Console):

@@ -31,7 +31,7 @@ from reba.terminal import Console, Text, console
 
 @click.command(
     cls=Command,
-    epilog="Example: lgp study logs/ --manifest who.csv --conditions ergonomic,non-ergonomic -o results/",
+    epilog="Example: lgp study logs/ --manifest who.csv -o results/",
     context_settings={"default_map": {"missing": "neutral"}},
 )
 @click.argument("logs", nargs=-1, metavar="[LOG]...")

@@ -74,6 +74,12 @@ class Action:
     seconds: tuple[float, float]
     medium: tuple[float, float]
 
+    @property
+    def text(self) -> str:
+        """The changes as one sentence."""
+        first, *others = (change.text for change in self.changes)
+        return "; and ".join([first, *(other[:1].lower() + other[1:] for other in others)])
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -109,11 +115,16 @@ class Advice:
         """Return whether the effect of an action shows in the figures as they are printed."""
         return time_text(action.seconds) != time_text(self.seconds)
 
+    @property
+    def tied(self) -> int:
+        """How many of the changes that are not shown take as much time away as the last one that is."""
+        last = self.single[:SHOWN][-1:]
+        return sum(time_text(one.seconds) == time_text(last[0].seconds) for one in self.single[SHOWN:])
+
     def text(self, action: Action) -> str:
         """Return an action as one line."""
-        what = "; and ".join(change.text for change in action.changes)
         level = ACTION_LEVELS[ACTION_LEVEL_FROM.index(self.at_least)][0]
-        return f"{what}: {level}-risk time {self.effect(action)}"
+        return f"{action.text}: {level}-risk time {self.effect(action)}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -13,11 +13,18 @@ from reba.analysis.score_table import ScoreTable
 from reba.method.classes import AngleClasses, angle_classes
 from reba.method.factor_points import knees_count, leg_points
 from reba.method.rules import load_points
-from reba.method.scoring import SCORE_COLUMNS
+from reba.method.scoring import SCORE_COLUMNS, score_angles
 from reba.method.tables import ACTION_LEVELS, PART_MAXIMA
 from reba.posture.angles import against_gravity
 from reba.posture.columns import GROUP_A, GROUP_B, INDEX, SIDES
-from reba.posture.factors import COUPLINGS, SUPPORTS
+from reba.posture.factors import COUPLINGS, SUPPORTS, Factors
+
+_TABLES: Final = {"table_a": ("score_a", "load_force")} | {
+    f"table_{table}_{side}": (f"{total}_{side}", extra)
+    for side in SIDES
+    for table, total, extra in (("b", "score_b", f"coupling_{side}"), ("c", "reba", "activity"))
+}
+"""Table -> the score that it gives, and the points that are added to it for that."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,7 @@ class WorksheetLine:
         value: its value in degrees, kilograms or words; "not measured".
         rule: the rule that applied: "20 to 60 of flexion".
         least: the points that any posture gets from this line.
+        possible: lowest and highest points that an unmeasured angle may give; None where `points` are known.
     """
 
     part: str
@@ -39,6 +47,7 @@ class WorksheetLine:
     value: str
     rule: str
     least: int = 0
+    possible: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,7 @@ class Worksheet:
         rules: name of the rules.
         error: name of the measurement error, "" without one.
         distribution: the columns of the score table that it adds; None where undetermined.
+        ranges: lowest and highest value of every score and table, whatever the unmeasured angles are.
     """
 
     time: float
@@ -63,6 +73,7 @@ class Worksheet:
     rules: str
     error: str = ""
     distribution: dict[str, float | None] = field(default_factory=dict)
+    ranges: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def of(self, part: str) -> tuple[WorksheetLine, ...]:
         """Return the lines of one part."""
@@ -71,11 +82,7 @@ class Worksheet:
     @property
     def tables(self) -> dict[str, int | None]:
         """The values of Tables A, B and C, as they stand on the paper worksheet; None where undetermined."""
-        steps = {"table_a": ("score_a", "load_force")}
-        for side in SIDES:
-            steps[f"table_b_{side}"] = (f"score_b_{side}", f"coupling_{side}")
-            steps[f"table_c_{side}"] = (f"reba_{side}", "activity")
-        values = {name: (self.scores[total], self.scores[extra]) for name, (total, extra) in steps.items()}
+        values = {name: (self.scores[total], self.scores[extra]) for name, (total, extra) in _TABLES.items()}
         return {name: None if a is None or b is None else a - b for name, (a, b) in values.items()}
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,7 +118,18 @@ def worksheet(scores: ScoreTable, frame: int) -> Worksheet:
     level = known["action_level"]
     risk, action = ACTION_LEVELS[level] if level is not None else ("", "")
     error = "" if scores.error is None else scores.error.name
-    return Worksheet(float(row["time"]), tuple(lines), known, risk, action, scores.rules.name, error, chances)
+    name, ranges = scores.rules.name, _ranges(scores, frame)
+    return Worksheet(float(row["time"]), tuple(lines), known, risk, action, name, error, chances, ranges)
+
+
+def _ranges(scores: ScoreTable, frame: int) -> dict[str, tuple[int, int]]:
+    """Return the range of every score and table of a frame; tables and scores rise with every part."""
+    used = Factors(**{one.name: _at(getattr(scores.factors, one.name), frame) for one in fields(Factors)})
+    ends = [score_angles(scores.angles[[frame]], used, scores.rules, missing) for missing in ("neutral", "worst")]
+    low, high = ({name: int(end[name][0]) for name in SCORE_COLUMNS} for end in ends)
+    for end in (low, high):
+        end |= {name: end[total] - end[extra] for name, (total, extra) in _TABLES.items()}
+    return {name: (low[name], high[name]) for name in low}
 
 
 def contributions(scores: ScoreTable, frame: int, most: int = 4) -> list[str]:
@@ -137,14 +155,14 @@ def _part(parts: list[AngleClasses], angles: np.ndarray[Any, Any], counts: bool)
     for quantity in parts:
         values = [float(angles[INDEX[column]]) for column in quantity.columns]
         if all(np.isnan(values)):
-            lines.append(WorksheetLine(quantity.part, None, quantity.name, "not measured", _span(quantity)))
+            lines.append(_open_line(quantity, "not measured", quantity.classes[0].points))
             continue
         angle = float(np.nanmax(values))
         own = quantity.class_of(angle)
         if counts and any(np.isnan(values)) and own is not quantity.classes[-1]:
             # The other one of two may stand in a higher class.
             value = f"{angle:z.1f} deg, the other not measured"
-            lines.append(WorksheetLine(quantity.part, None, quantity.name, value, _span(quantity, own.points)))
+            lines.append(_open_line(quantity, value, own.points))
             continue
         points, rule = own.points, own.text
         if quantity.adjusts and points:
@@ -172,9 +190,10 @@ def _degrees(angle: float, quantity: AngleClasses) -> str:
     return f"{angle:z.{digits}f} deg"
 
 
-def _span(quantity: AngleClasses, least: int | None = None) -> str:
-    low = quantity.classes[0].points if least is None else least
-    return f"{low} to {quantity.classes[-1].points} possible"
+def _open_line(quantity: AngleClasses, value: str, low: int) -> WorksheetLine:
+    high = quantity.classes[-1].points
+    rule = f"{low} to {high} possible"
+    return WorksheetLine(quantity.part, None, quantity.name, value, rule, possible=(low, high))
 
 
 def _at(value: Any, frame: int) -> Any:

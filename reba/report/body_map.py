@@ -88,5 +88,5 @@ def body_map(record: RecordingSummary) -> str:
     for side, x in zip(SIDES, (245, 55), strict=True):
         drawn.append(f'<text class="side" x="{x}" y="300" text-anchor="middle">{side}</text>')
     texts = "; ".join(f"{PARTS[one.name].lower()} {one.text}" for one in shares)
-    label = as_markup(f"Share of time in the upper classes: {texts}")
+    label = as_markup(f"Share of time at high scores: {texts}")
     return f'<svg class="body-map" viewBox="-36 0 382 310" role="img" aria-label="{label}">{"".join(drawn)}</svg>'

@@ -21,7 +21,7 @@ from reba.posture.skeleton import LENGTHS, LIMBS, NEUTRAL, SPOTS
 from reba.report.findings import WorstInterval, worse_side
 from reba.report.labels import PARTS, angle_name
 from reba.report.plots import drawn_gaps, time_range
-from reba.report.series import VIEWS, steps
+from reba.report.series import PARTS_OF_MEANS, VIEWS, part_means, steps
 from reba.report.summary import RecordingSummary
 
 BUCKETS: Final = 750
@@ -32,6 +32,8 @@ FULL_RATE: Final = 1250
 UNMEASURED: Final = -32768
 """Stands for NaN among angles in tenths of a degree."""
 TENTHS: Final = 10.0
+NO_SCORE: Final = 255
+"""Stands for NaN among scores in tenths."""
 
 
 def skeleton() -> dict[str, Any]:
@@ -54,6 +56,7 @@ def explorer(record: RecordingSummary, intervals: list[WorstInterval], span: flo
     """
     scores, n = record.scores, record.frames
     frames = cursor_frames(record, intervals, number)
+    means = {name: part_means(scores, record.curves[name], PARTS_OF_MEANS) for name in VIEWS}
     time = scores.time[frames]
     ends = time + record.weights[frames]
     # Between two frames that stand in no gap the value of the first one lasts until the second.
@@ -75,6 +78,10 @@ def explorer(record: RecordingSummary, intervals: list[WorstInterval], span: flo
         "until": _packed(until),
         "totals": {
             name: _ends(record.curves[name].low[frames], record.curves[name].high[frames]) for name in VIEWS
+        },
+        "means": {
+            "range": means["reba"].edges[[0, -1]].tolist(),
+            **{name: _ends(_tenths_of_score(one.low), _tenths_of_score(one.high)) for name, one in means.items()},
         },
         "parts": [
             {
@@ -137,6 +144,10 @@ def _ends(low: NDArray[Any], high: NDArray[Any]) -> dict[str, str | None]:
 
 def _tenths(angles: NDArray[Any]) -> NDArray[np.int16]:
     return np.where(np.isnan(angles), UNMEASURED, np.round(angles * TENTHS)).astype(np.int16)
+
+
+def _tenths_of_score(scores: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.where(np.isnan(scores), NO_SCORE, np.round(scores * TENTHS)).astype(np.uint8)
 
 
 def _packed(values: NDArray[Any]) -> str:

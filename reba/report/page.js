@@ -4,6 +4,7 @@
   const json = (id) => JSON.parse(document.getElementById(id).textContent);
   const common = document.getElementById("explorer-model") ? json("explorer-model") : null;
   const explorers = {};
+  if (common) Timeline.join(common.with_unit);
 
   for (const root of document.querySelectorAll(".explorer")) {
     root.hidden = false;
@@ -42,11 +43,6 @@
     });
   }
 
-  // No line ends between a number and its unit.
-  for (const text of document.querySelectorAll(".verdict")) {
-    text.textContent = text.textContent.replace(/(\d) (?=(%|s|min|h|degrees|kg)(?!\w))/g, "$1\u00a0");
-  }
-
   for (const root of document.querySelectorAll(".what-if")) {
     root.hidden = false;
     const { settings, one, shares, seconds } = json(`${root.dataset.recording}-what-if`);
@@ -69,7 +65,7 @@
       return time < 7200 ? `${minutes} min ${two(whole % 60)} s` : `${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
     };
     const percent = (share) => (share > 0 && share < 0.001 ? "<0.1" : (100 * share + 1e-6).toFixed(share && share < 0.0995 ? 1 : 0));
-    const cells = (share) => `${lasting(share * seconds)} (${percent(share)}\u00a0%)`;
+    const cells = (share) => Timeline.joined(`${lasting(share * seconds)} (${percent(share)}\u00a0%)`);
     const show = () => {
       const choice = inputs.map((input) => Number(input.value));
       inputs.forEach((input, k) => {
@@ -86,7 +82,7 @@
         segments[k].style.width = `${100 * is}%`;
       });
       const high = (from) => [...new Set([6, 7].map((end) => cells(table[from + end] / one)))].join(" to ");
-      root.querySelector(".outcome").textContent = `REBA 8 or more: ${high(now)}; as recorded ${high(before)}.`;
+      root.querySelector(".outcome").textContent = Timeline.joined(`REBA 8 or more: ${high(now)}; as recorded ${high(before)}.`);
     };
     inputs.forEach((input) => input.addEventListener("input", show));
     root.querySelector("button").addEventListener("click", () => {

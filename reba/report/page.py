@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -15,8 +16,10 @@ from reba.analysis.advice import SHOWN, advise
 from reba.analysis.exposure import INTERVAL_RULE
 from reba.analysis.score_table import ScoreTable
 from reba.files import as_json
+from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
-from reba.printable import as_markup, as_script_data, printable
+from reba.posture.columns import SIDES
+from reba.printable import WITH_UNIT, as_markup, as_script_data, joined, printable
 from reba.report import labels
 from reba.report.body_map import SCALE, body_map
 from reba.report.comparison import compared_figures, differing
@@ -35,7 +38,7 @@ from reba.report.sections import (
     rule_rows,
     unmeasured_rows,
 )
-from reba.report.series import VIEWS
+from reba.report.series import PARTS_OF_MEANS, VIEWS
 from reba.report.summary import GRADE_RULE, RecordingSummary, seconds_of_levels, summarise
 from reba.report.what_if import what_if
 
@@ -49,7 +52,7 @@ LEVEL_SCORES: Final = tuple(
 """Scores of each action level as text."""
 ERROR_LABEL: Final = "Most likely REBA over time, in the range that holds REBA with a probability of 95 %"
 """Text alternative of the plot under measurement error."""
-SCRIPTS: Final = ("figure.js", "timeline.js", "page.js")
+SCRIPTS: Final = ("figure.js", "timeline.js", "score_track.js", "page.js")
 """What makes a report of recordings with frames interactive, in this order."""
 PRINTED: Final = 3
 """Worst postures on the first printed page."""
@@ -129,7 +132,7 @@ def page(
 def explorer_model() -> dict[str, Any]:
     """Return what the timelines of all recordings share: the skeleton, the bands of the levels and the colours."""
     bands = [[low, high, colour, name.capitalize()] for low, high, colour, name in level_bands()]
-    return {"skeleton": skeleton(), "levels": bands, "parts": PART_COLOURS}
+    return {"skeleton": skeleton(), "levels": bands, "parts": PART_COLOURS, "with_unit": WITH_UNIT}
 
 
 def _json(data: Any) -> Any:
@@ -146,6 +149,7 @@ def _section(
 
     intervals = worst_intervals(record)
     postures = record.scores.postures
+    elbow = [one for one in angle_classes(record.scores.rules) if one.part == f"lower_arm_{SIDES[0]}"]
     section: dict[str, Any] = {
         "id": f"r{number}",
         "name": record.name,
@@ -171,6 +175,7 @@ def _section(
         "gaps": record.gaps,
         "error": error_section(record),
         "part_titles": PARTS,
+        "elbow": elbow[0].classes[-1].text,
         "shared_svg": "",
         "pictures": pictures,
     }
@@ -184,6 +189,7 @@ def _section(
             "time_svg": Markup(time_svg(record, intervals, span, number=recordings)),
             "shared_svg": Markup(time_svg(record, intervals, longest, number=recordings)) if recordings == 2 else "",
             "explorer": _json(data),
+            "part_seconds": record.length / PARTS_OF_MEANS,
             "explored": len(cursor_frames(record, intervals, recordings)),
             "settings": table.settings,
             "what_if": _json({**table.packed(), "seconds": record.seconds}),
@@ -226,6 +232,8 @@ def _level_rows(record: RecordingSummary) -> list[dict[str, Any]]:
     return rows
 
 
+_TEXT: Final = re.compile(r"(?s)(<(pre|script|style|textarea)\b.*?</\2>|<!--.*?-->|<[^>]*>)|[^<]+")
+"""Texts of a page, and (group 1) what stands between them: tags, and elements whose text is copied or run."""
 BASE = "base.html"
 """Template that pages extend: head, shared style, and the blocks `title`, `style` and `body`."""
 
@@ -235,7 +243,8 @@ def template(
 ) -> Template:
     """Return a template of a package; `render` must get every variable that the template uses.
 
-    Every value is escaped, and its hidden characters are shown as in the terminal (`reba.printable`).
+    Every value is escaped, and its hidden characters are shown as in the terminal (`reba.printable`); numbers in the
+    texts of the page stay on one line with their units.
 
     Args:
         package: such as `lgp.study`; its first part is named as the generator of the page.
@@ -245,8 +254,12 @@ def template(
         >>> print(template("reba.report", "base.html").render()[:15])
         <!DOCTYPE html>
     """
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
+    from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
     from markupsafe import Markup
+
+    class Page(Template):
+        def render(self, *args: Any, **variables: Any) -> str:
+            return _TEXT.sub(lambda part: part[1] or joined(part[0]), super().render(*args, **variables))
 
     environment = Environment(
         loader=FunctionLoader(lambda file: read("reba.report" if file == BASE else package, file)),
@@ -256,6 +269,7 @@ def template(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.template_class = Page
     environment.filters |= dict(filters or {})
     environment.globals |= {
         "program": package.partition(".")[0],

@@ -7,14 +7,25 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from reba.analysis.score_table import ScoreTable
-from reba.analysis.wording import span
+from reba.analysis.wording import seconds, span
 from reba.arrays import Array
 from reba.errors import PostureError
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.factors import ACTIVITIES, flag
 from reba.report.findings import WorstInterval, worst_intervals
 from reba.report.labels import LEVEL_COLOURS
-from reba.report.series import VIEWS, Curve, StepCurve, band, flag_intervals, line, steps
+from reba.report.series import (
+    PARTS_OF_MEANS,
+    VIEWS,
+    Curve,
+    StepCurve,
+    band,
+    changes,
+    flag_intervals,
+    line,
+    part_means,
+    steps,
+)
 from reba.report.summary import RecordingSummary, summarise
 
 if TYPE_CHECKING:
@@ -26,6 +37,8 @@ RANGE_LINE: Final = "#403a82"
 GAP_FILL: Final = "rgba(110, 118, 130, 0.28)"
 TOP: Final = 15.6
 """Upper end of the score axis: the highest score with a margin."""
+LONG: Final = 900.0
+"""[s] Time axes that are longer are in minutes, here and on the page (`score_track.js`)."""
 MAX_GAPS: Final = 200
 """Gaps drawn as grey areas, the longest ones; lines are interrupted at every gap."""
 
@@ -234,8 +247,8 @@ def time_svg(
     """
     start, end = time_range(record, length)
 
-    def x(seconds: Array) -> Array:
-        return _LEFT + (np.asarray(seconds) - start) / ((end - start) or 1.0) * (_RIGHT - _LEFT)
+    def x(times: Array) -> Array:
+        return _LEFT + (np.asarray(times) - start) / ((end - start) or 1.0) * (_RIGHT - _LEFT)
 
     def y(score: Array) -> Array:
         return _DOWN - (np.asarray(score) - _BOTTOM) / (TOP - _BOTTOM) * (_DOWN - _UP)
@@ -253,6 +266,14 @@ def time_svg(
     total = record.curves["reba"] if curve is None else curve
     points = steps(record.scores, total, record.gaps, max(_BUCKETS // number, 200))
     low, high, value = (part[points.frame] for part in (total.low, total.high, total.value))
+    axis = "time [min]" if _in_minutes(start, end) else "time [s]"
+    if curve is None and changes(low, high) > (_RIGHT - _LEFT) / 2:
+        means = part_means(record.scores, total, PARTS_OF_MEANS)
+        axis += f"; line: mean over {seconds(record.length / PARTS_OF_MEANS)}, grey: lowest to highest score"
+        parts.append(_spread(x(record.scores.time), y(total.low - 0.1), y(total.high + 0.1)))
+        low, high = means.low, means.high
+        value = np.where(low == high, low, np.nan)
+        points = StepCurve(means.edges[:-1], means.edges[1:], np.isnan(np.append(low[1:], np.nan)), points.frame[:0])
     px, py = band(points, low, high, low < high)
     parts.append(f'<path class="range" d="{_path(x(px), y(py), closed=True)}"/>')
     lx, ly = line(points, value, ~np.isnan(value))
@@ -268,11 +289,12 @@ def time_svg(
         free = at + _NUMBER
         parts.append(f'<rect class="number" x="{at - 8:.1f}" y="3" width="16" height="16" rx="3"/>')
         parts.append(f'<text class="number" x="{at:.1f}" y="15.5">{one.number}</text>')
-    for tick in _ticks(start, end):
-        at = float(x(np.array(tick)))
+    unit = 60.0 if _in_minutes(start, end) else 1.0
+    for tick in _ticks(start / unit, end / unit):
+        at = float(x(np.array(tick * unit)))
         parts.append(f'<line class="axis" x1="{at:.1f}" y1="{_DOWN:g}" x2="{at:.1f}" y2="{_DOWN + 5:g}"/>')
         parts.append(f'<text class="time" x="{at:.1f}" y="{_DOWN + 18:g}">{tick:g}</text>')
-    parts.append(f'<text class="time" x="{(_LEFT + _RIGHT) / 2:g}" y="{_DOWN + 34:g}">time [s]</text>')
+    parts.append(f'<text class="time" x="{(_LEFT + _RIGHT) / 2:g}" y="{_DOWN + 34:g}">{axis}</text>')
     opening = f'<svg class="timeline" viewBox="0 0 900 308" role="img" aria-label="{label or time_label(record)}">'
     return f"{opening}{''.join(parts)}</svg>"
 
@@ -285,6 +307,17 @@ def time_label(record: RecordingSummary) -> str:
         f"median {span(ends['median_low'], ends['median_high'])}, p90 {span(ends['p90_low'], ends['p90_high'])}, "
         f"highest {span(ends['max_low'], ends['max_high'])}; {len(record.gaps)} gaps without samples"
     )
+
+
+def _in_minutes(start: float, end: float) -> bool:
+    return end - start > LONG
+
+
+def _spread(x: Array, top: Array, bottom: Array) -> str:
+    """Return an area from the lowest to the highest of the values that share a place on the axis."""
+    place, first = np.unique(x.astype(np.int64), return_index=True)
+    ends = zip(place, np.maximum.reduceat(top, first), np.minimum.reduceat(bottom, first), strict=True)
+    return f'<path class="spread" d="{"".join(f"M{at}.5 {a:.1f}V{b:.1f}" for at, a, b in ends)}"/>'
 
 
 def _rect(x: float, y: float, width: float, height: float, style: str) -> str:

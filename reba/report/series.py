@@ -24,6 +24,9 @@ DRAW_ALL: Final = 3
 VIEWS: Final[dict[str, str]] = {"reba": "Total", "reba_left": "Left arm", "reba_right": "Right arm"}
 """Totals of the score table that are shown -> their titles."""
 
+PARTS_OF_MEANS: Final = 150
+"""Equal parts of the time of a recording whose means are drawn where a curve changes too often to be seen itself."""
+
 
 @dataclass(frozen=True)
 class ScoreRange:
@@ -123,6 +126,36 @@ def _lowest(values: Array, first: NDArray[np.int64], n: int) -> NDArray[np.int64
     keyed = values.astype(np.int64) * n + np.arange(n)
     lowest: NDArray[np.int64] = np.minimum.reduceat(keyed, first) % n
     return lowest
+
+
+@dataclass(frozen=True)
+class PartMeans:
+    """Time-weighted means of both ends of a curve in equal parts of its time; NaN in a part without frames.
+
+    Attributes:
+        edges: (k + 1,) ends of the parts [s].
+        low, high: (k,) means.
+    """
+
+    edges: Array
+    low: Array
+    high: Array
+
+
+def part_means(scores: ScoreTable, curve: Curve, parts: int) -> PartMeans:
+    """Return the means of a curve, which has frames; a frame counts where it begins."""
+    time, weights = scores.time, durations(scores.time)
+    edges = np.linspace(time[0], time[-1] + weights[-1], parts + 1)
+    part = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, parts - 1)
+    total = np.bincount(part, weights, parts)
+    low, high = (np.bincount(part, weights * end, parts) for end in (curve.low, curve.high))
+    with np.errstate(invalid="ignore"):
+        return PartMeans(edges, low / total, high / total)
+
+
+def changes(low: Array, high: Array) -> int:
+    """Return how often a curve with a range changes."""
+    return int(np.count_nonzero((np.diff(low) != 0) | (np.diff(high) != 0)))
 
 
 def line(points: StepCurve, values: Array, shown: Flags) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 "use strict";
 // The timeline: one cursor and one zoom over REBA, the part scores and the angles of the chosen part.
 const Timeline = (() => {
-  const LEFT = 138, RIGHT = 10, ROW = 20, MISSING = -32768;
+  const LEFT = 138, RIGHT = 10, ROW = 20, MISSING = -32768, NO_SCORE = 255;
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const unpack = {
     reals: (text) => new Float64Array(bytes(text).buffer),
@@ -18,6 +18,9 @@ const Timeline = (() => {
     const [hours, minutes] = [Math.floor(time / 3600), Math.floor(time / 60) % 60];
     return `${hours ? `${hours} h ` : ""}${minutes} min ${(time % 60).toFixed(2).padStart(5, "0")} s`;
   };
+  // A space between a number and its unit, at which no line ends (as on the rest of the page).
+  let withUnit = null;
+  const joined = (text) => (withUnit ? text.replace(withUnit, "\u00a0") : text);
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
   class Explorer {
@@ -26,6 +29,8 @@ const Timeline = (() => {
       this.time = unpack.reals(data.time);
       this.until = unpack.reals(data.until);
       this.totals = Object.fromEntries(Object.entries(data.totals).map(([name, value]) => [name, ends(value)]));
+      this.means = { range: data.means.range };
+      for (const name of Object.keys(this.totals)) this.means[name] = ends(data.means[name]);
       this.parts = data.parts.map((part) => ({ ...part, ...ends(part) }));
       this.angles = data.angles.map((angle) => ({ ...angle, values: unpack.shorts(angle.values) }));
       this.sitting = unpack.small(data.sitting);
@@ -40,7 +45,9 @@ const Timeline = (() => {
       for (const name of ["scores", "parts", "angles", "figure"]) this[`${name}Canvas`] = root.querySelector(`canvas.${name}`);
       this.readout = root.querySelector(".readout");
       this.legend = root.querySelector(".angle-legend");
-      this.slider = root.querySelector(".tracks");
+      this.tracks = root.querySelector(".tracks");
+      this.slider = root.querySelector("[role=slider]");
+      this.busyNote = root.querySelector(".busy");
       this.buttons = [...root.querySelectorAll(".part-names button")];
       this.pick(data.first);
       this.listen();
@@ -107,7 +114,7 @@ const Timeline = (() => {
     }
 
     listen() {
-      const { root, slider } = this;
+      const { root, slider, tracks } = this;
       const on = (selector, action) => root.querySelectorAll(selector).forEach((one) => one.addEventListener("click", () => action(one)));
       on("[data-zoom]", (one) => (one.dataset.zoom === "all" ? ((this.shown = [...this.full]), this.draw()) : this.zoom(Number(one.dataset.zoom))));
       on("[data-turn]", (one) => { this.degrees = Number(one.dataset.turn); this.draw(); });
@@ -115,7 +122,7 @@ const Timeline = (() => {
       for (const choice of root.querySelectorAll("input[type=radio]")) {
         choice.addEventListener("change", () => { this.total = choice.value; this.draw(); });
       }
-      slider.addEventListener("keydown", (event) => {
+      tracks.addEventListener("keydown", (event) => {
         const moves = { ArrowLeft: -1, ArrowRight: 1, PageUp: -25, PageDown: 25 };
         const { key } = event;
         if (key in moves) this.step(moves[key] * (event.shiftKey ? 10 : 1));
@@ -189,7 +196,7 @@ const Timeline = (() => {
       image.dataset.shown = String(nearest);
       image.alt = `Picture of the camera at ${times[nearest].toFixed(1)} s${pixelated ? ", pixelated" : ""}`;
       const when = Math.abs(after) < 0.005 ? "at the cursor" : `${Math.abs(after).toFixed(2)} s ${after > 0 ? "after" : "before"} the cursor`;
-      this.camera.querySelector("figcaption").textContent = `Camera ${when}${pixelated ? ", pixelated" : ""}.`;
+      this.camera.querySelector("figcaption").textContent = joined(`Camera ${when}${pixelated ? ", pixelated" : ""}.`);
     }
 
     // Draws a line of values in the shown interval: steps if they `hold`; `value` is null where there is none.
@@ -233,75 +240,6 @@ const Timeline = (() => {
       pen.moveTo(now, top);
       pen.lineTo(now, height - bottom);
       pen.stroke();
-    }
-
-    // Draws REBA on the axis that the recordings of a comparison share.
-    drawShared() {
-      const own = this.shown;
-      const { length } = this.shared, [start] = this.time;
-      this.shown = [start - 0.01 * length, start + 1.01 * length];
-      this.drawScores(this.shared.canvas);
-      this.shown = own;
-    }
-
-    drawScores(canvas = this.scoresCanvas) {
-      const area = this.frame(canvas), { pen, width, height, ink } = area;
-      const top = 20, bottom = height - 26;
-      const y = (score) => bottom - ((score - 0.5) / 15.1) * (bottom - top);
-      pen.textAlign = "right";
-      for (const [low, high, fill, name] of this.levels) {
-        pen.globalAlpha = Number(Person.color("--band"));
-        pen.fillStyle = fill;
-        pen.fillRect(LEFT, y(high), width - LEFT - RIGHT, y(low) - y(high));
-        pen.globalAlpha = 1;
-        pen.fillStyle = ink;
-        const first = Math.ceil(low), last = Math.floor(high);
-        pen.fillText(`${name} ${first === last ? first : `${first}-${last}`}`, LEFT - 8, y((low + high) / 2) + 4);
-      }
-      pen.textAlign = "center";
-      for (const tick of this.ticks(Math.max(Math.floor((width - LEFT) / 80), 2))) {
-        const minutes = this.shown[1] - this.shown[0] > 900;
-        pen.fillText(minutes ? `${+(tick / 60).toFixed(2)} min` : `${tick} s`, clamp(this.x(tick, width), LEFT + 12, width - RIGHT - 14), height - 8);
-      }
-      area.inside();
-      const { low, high } = this.totals[this.total];
-      const [first, last] = this.visible();
-      pen.fillStyle = Person.color("--range");
-      for (let i = first; i <= last; ) {
-        const j = this.alike(i, last, low, high), a = this.x(this.time[i], width);
-        if (low[i] < high[i]) pen.fillRect(a, y(high[i]), Math.max(this.x(this.until[j], width) - a, 0.6), y(low[i]) - y(high[i]));
-        i = j + 1;
-      }
-      pen.strokeStyle = ink;
-      pen.lineWidth = 1.6;
-      this.line(pen, width, y, (i) => (low[i] === high[i] ? low[i] : null), true);
-      let free = -Infinity;
-      for (const [number, start, end] of [...this.intervals].sort((one, two) => one[1] - two[1])) {
-        const a = this.x(start, width), b = this.x(end, width);
-        pen.lineWidth = 1;
-        pen.setLineDash([2, 3]);
-        pen.strokeRect(a, top, Math.max(b - a, 1), bottom - top);
-        pen.setLineDash([]);
-        pen.fillStyle = ink;
-        const middle = Math.max((a + b) / 2, free);
-        free = middle + 18;
-        pen.fillRect(middle - 8, 1, 16, 16);
-        pen.fillStyle = Person.color("--card");
-        pen.font = "700 12px system-ui, sans-serif";
-        pen.fillText(String(number), middle, 13.5);
-      }
-      this.gapsAndCursor(area, 26, 18);
-      pen.restore();
-    }
-
-    ticks(count) {
-      const unit = this.shown[1] - this.shown[0] > 900 ? 60 : 1;
-      const rough = (this.shown[1] - this.shown[0]) / count / unit;
-      const power = 10 ** Math.floor(Math.log10(rough));
-      const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough) * unit;
-      const ticks = [];
-      for (let tick = Math.ceil(this.shown[0] / step) * step; tick < this.shown[1]; tick += step) ticks.push(Number(tick.toFixed(3)) + 0);
-      return ticks;
     }
 
     drawParts() {
@@ -359,7 +297,7 @@ const Timeline = (() => {
       const value = (angle) => (angle.values[this.at] === MISSING ? "not measured" : `${(angle.values[this.at] / 10).toFixed(1)} deg`);
       const strokes = ["line", "grey line", "dotted line"];
       this.legend.textContent = listed.length
-        ? listed.map((angle, number) => `${angle.name} ${value(angle)} (${strokes[number]})`).join(", ")
+        ? joined(listed.map((angle, number) => `${angle.name} ${value(angle)} (${strokes[number]})`).join(", "))
         : "No measured angle counts for this part.";
     }
 
@@ -380,7 +318,7 @@ const Timeline = (() => {
       const top = this.levels.find(([low, high]) => this.totals.reba.high[i] >= low && this.totals.reba.high[i] <= high);
       const risk = level === top ? level[3] : `${level[3]} to ${top[3]}`;
       const text = `${moment(now)}: REBA ${span(this.totals.reba)} (${risk.toLowerCase()}), left ${span(this.totals.reba_left)}, right ${span(this.totals.reba_right)}`;
-      this.readout.textContent = text;
+      this.readout.textContent = joined(text);
       this.slider.setAttribute("aria-valuenow", now.toFixed(2));
       this.slider.setAttribute("aria-valuetext", text);
       for (const button of this.buttons) {
@@ -389,5 +327,5 @@ const Timeline = (() => {
       }
     }
   }
-  return { Explorer, bytes };
+  return { Explorer, LEFT, RIGHT, NO_SCORE, clamp, bytes, joined, join: (pattern) => { withUnit = new RegExp(pattern, "g"); } };
 })();

@@ -70,8 +70,12 @@ def visible(browser: Any, selector: str) -> int:
 
 
 def too_wide(browser: Any) -> int:
-    """Return how far the page reaches beyond the window [px]; 0 or less if it does not."""
-    return int(browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth"))
+    """Return how far the page reaches beyond the window [px]; 0 or less if it does not.
+
+    A phone shows a page that is too wide smaller, and its `innerWidth` is that of the page then.
+    """
+    page = "document.documentElement"
+    return int(browser.execute_script(f"return {page}.scrollWidth - {page}.clientWidth"))
 
 
 def complaints(browser: Any) -> list[Any]:

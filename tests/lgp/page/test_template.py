@@ -17,7 +17,7 @@ import pytest
 
 import lgp
 from lgp.scene.scene_file import read_scene
-from tests.support.browser import chromium, complaints, needs_browser, resize, until
+from tests.support.browser import chromium, complaints, needs_browser, pages_on_paper, resize, until
 from tests.support.lgp_worlds import HUMAN_ONLY
 
 PACKAGES = all(importlib.util.find_spec(name) for name in ("pyvista", "trimesh", "collada"))
@@ -286,3 +286,10 @@ def test_a_plain_file_server_leaves_the_page_to_its_reader(browser: Any, serve: 
     time.sleep(0.5)
     assert browser.execute_script("return document.querySelector('.banner').hidden")
     assert [entry for entry in complaints(browser) if "events" not in entry["message"]] == []
+
+
+def test_prints_a_page_for_each_slide_and_no_notes(browser: Any, page: Path) -> None:
+    resize(browser, 1280)
+    browser.get(page.as_uri())
+    until(browser, "document.querySelectorAll('section').length")
+    assert pages_on_paper(browser) == browser.execute_script("return document.querySelectorAll('section').length")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,8 +13,10 @@ from hypothesis import strategies as st
 
 import reba
 from reba.analysis.worksheet import contributions
+from reba.console import show_worksheet
 from reba.method.classes import AngleClasses, angle_classes
 from reba.posture.columns import BEST, INDEX
+from reba.terminal import Console
 from tests.support import posture_samples as samples
 from tests.support.says import says
 
@@ -208,3 +213,28 @@ def test_an_angle_is_printed_inside_its_class() -> None:
 def test_an_angle_that_rounds_to_nothing_has_no_sign() -> None:
     scores = reba.score(pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [-0.04, 0.0], "neck_flexion": -0.01}))
     assert [line.value for line in scores.explain(0.0).lines if line.what.endswith("k flexion")] == ["0.0 deg"] * 2
+
+
+@pytest.mark.parametrize("without", ["wrist", "left|neck|shoulder", "."])
+def test_what_was_not_measured_has_its_exact_range(without: str) -> None:
+    """Every part, table and total spans what the measured angles leave, and no question mark stands."""
+    frame = {name: [40.0] for name in reba.COLUMNS if not re.search(without, name)} or {"trunk_flexion": [np.nan]}
+    sheet = reba.score(frame, load=7.0, coupling="fair").explain(0.0)
+    possible = {}
+    for missing in ("neutral", "worst"):
+        filled = reba.score(frame, load=7.0, coupling="fair", missing=missing).explain(0.0)
+        for name, value in (filled.scores | filled.tables).items():
+            possible.setdefault(name, []).append(value)
+    assert {name: list(ends) for name, ends in sheet.ranges.items()} == possible | {
+        name: [sheet.scores[name]] * 2 for name in ("reba_low", "reba_high")
+    }
+    for name, value in (sheet.scores | sheet.tables).items():
+        low, high = sheet.ranges[name]
+        assert value == (low if low == high else None), name
+    out = io.StringIO()
+    show_worksheet(Console(file=out, width=80), sheet)
+    shown = " ".join(out.getvalue().split())
+    assert "?" not in shown
+    assert "Score B {}-{}".format(*sheet.ranges["score_b_left"]) in shown
+    ends = sheet.ranges["reba"]
+    assert (f"REBA {ends[0]} to {ends[1]}: not everything" if ends[0] < ends[1] else f"REBA {ends[0]}: ") in shown

@@ -112,7 +112,7 @@ def numbers(packed: str, kind: str = "<f8") -> np.ndarray[Any, Any]:
 
 def test_every_section_is_there(page: _Page) -> None:
     for words in (
-        "Verdict", "Time in the upper classes", "What would help most", "REBA, parts and angles over time", "What if",
+        "Verdict", "Time at high part scores", "What would help most", "REBA, parts and angles over time", "What if",
         "Time per action level", "Contributions of the parts", "Worst intervals",
         "Angles", "Assumptions", "Data quality", "Method and limits", "Sources", "How to reproduce this report",
     ):  # fmt: skip

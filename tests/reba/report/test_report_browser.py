@@ -15,6 +15,7 @@ import reba
 from reba.analysis.exposure import durations
 from reba.analysis.wording import span
 from reba.posture.skeleton import joints
+from reba.printable import WITH_UNIT, joined
 from reba.report import write_report
 from reba.report.what_if import what_if
 from reba.scores import Scores
@@ -77,7 +78,7 @@ def inked(browser: Any, selector: str) -> int:
 
 def press(browser: Any, key: str, shift: bool = False) -> None:
     browser.execute_script(
-        "document.querySelector('.tracks').dispatchEvent(new KeyboardEvent('keydown', "
+        "document.querySelector('.cursor').dispatchEvent(new KeyboardEvent('keydown', "
         "{ key: arguments[0], shiftKey: arguments[1], bubbles: true, cancelable: true }))", key, shift
     )  # fmt: skip
 
@@ -91,7 +92,7 @@ def said_of(scores: Scores, frame: int) -> str:
     """Return the beginning of what the page says of a frame."""
     row = scores.data.iloc[frame]
     low, high = int(row["reba_low"]), int(row["reba_high"])
-    return f"{row['time']:.2f} s: REBA {span(low, high)} ("
+    return joined(f"{row['time']:.2f} s: REBA {span(low, high)} (")
 
 
 def test_the_cursor_follows_keys_mouse_and_links(browser: Any, report: Path) -> None:
@@ -180,8 +181,8 @@ def test_assumptions_change_the_shares(browser: Any, report: Path) -> None:
     row = np.ravel_multi_index(choice, [len(values) for values in table.settings.values()])
     low, high = (f"{share * durations(scores.time).sum():.1f} s (" for share in table.shares[row, 6:])
     said = browser.execute_script("return document.querySelector('#r1 .outcome').textContent")
-    assert said.startswith(f"REBA 8 or more: {low}")
-    assert high in said
+    assert said.startswith(joined(f"REBA 8 or more: {low}"))
+    assert joined(high) in said
     spans = "return [...document.querySelectorAll(arguments[0])].map((e) => e.className).filter((e) => e !== 'open')"
     for bar in ("#r1 .what-if .bar i", "#r1 .levelbars:not(.errorbars) .bar:first-of-type i"):
         names = browser.execute_script(spans, bar)
@@ -231,9 +232,61 @@ def test_nothing_is_cut_or_leaves_its_frame(browser: Any, tmp_path: Path) -> Non
 
 def test_a_number_stays_with_its_unit(browser: Any, report: Path) -> None:
     show(browser, report, 390)
+    readout(browser)
     said = browser.execute_script("return document.querySelector('#r1 .card .verdict').textContent")
     assert re.search(r"\d\xa0s \(\d+\xa0%", said)
-    assert not re.search(r"\d (s|%|degrees)", said)
+    apart = browser.execute_script(
+        """const apart = new RegExp(arguments[0]), texts = [];
+        const all = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+        while (all.nextNode()) if (!all.currentNode.parentElement.closest('pre, script, style, svg')) {
+          const text = all.currentNode.textContent; if (apart.test(text)) texts.push(text); }
+        return texts""",
+        WITH_UNIT,
+    )
+    assert apart == []
+    assert "--load 7" in browser.execute_script("return document.querySelector('pre').textContent")
+
+
+@pytest.fixture(scope="module")
+def hour(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scores, Path]:
+    """An hour whose score changes every second, with ranges that are long as text."""
+    rng = np.random.default_rng(4)
+    time = np.arange(36_000) / 10
+    columns = {name: np.repeat(rng.uniform(0, 80, 3600), 10) for name in reba.COLUMNS if "wrist" not in name}
+    scores = reba.score(pd.DataFrame({"time": time, **columns}), load=7.0, activity="none")
+    path = tmp_path_factory.mktemp("hour") / "hour.html"
+    write_report([scores], path)
+    return scores, path
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_an_hour_fits_and_shows_means_until_it_is_zoomed(browser: Any, hour: tuple[Scores, Path], width: int) -> None:
+    scores, path = hour
+    show(browser, path, width)
+    readout(browser)
+    assert too_wide(browser) <= 0
+    browser.execute_script("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert too_wide(browser) <= 0
+    code = (
+        "return [...document.querySelectorAll('.levels, .what-if table')].map((e) => e.getBoundingClientRect().right)"
+    )
+    assert max(browser.execute_script(code)) <= width, "tables of long times"
+    assert visible(browser, ".busy") == 1
+    k, parts = 17, 150
+    inside = (scores.time >= 3600 / parts * k) & (scores.time < 3600 / parts * (k + 1))
+    for end in ("low", "high"):
+        mean = scores.data[f"reba_{end}"][inside].mean()
+        shown = browser.execute_script(f"return window.explorers.r1.means.reba.{end}[{k}] / 10")
+        assert shown == pytest.approx(mean, abs=0.0501)
+    browser.execute_script("const e = window.explorers.r1; e.zoomTo(100, 130); e.draw()")
+    readout(browser)
+    assert visible(browser, ".busy") == 0
+
+
+def test_an_hour_is_printed_with_its_means(hour: tuple[Scores, Path]) -> None:
+    page = hour[1].read_text(encoding="utf-8")
+    assert page.count('class="spread"') == 1
+    assert joined("time [min]; line: mean over 24.0 s, grey: lowest to highest score") in page
 
 
 def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
@@ -372,3 +425,83 @@ def test_the_overview_is_sorted_by_a_click(browser: Any, tmp_path: Path) -> None
     browser.find_element("css selector", ".overview tbody tr a").click()
     assert browser.execute_script("return location.hash") == "#r3"
     assert complaints(browser) == []
+
+
+def at(browser: Any, selector: str) -> tuple[float, float, float, float]:
+    """Scroll to an element, and return its box in the window."""
+    code = """const e = document.querySelector(arguments[0]); e.scrollIntoView({ block: 'center' });
+        const box = e.getBoundingClientRect(); return [box.left, box.top, box.width, box.height]"""
+    left, top, width, height = browser.execute_script(code, selector)
+    return left, top, width, height
+
+
+def test_real_keys_mouse_and_fingers_move_cursor_and_figure(browser: Any, report: Path) -> None:
+    """Events as the browser makes them from devices, not ones that a script sends to an element."""
+
+    def state() -> tuple[int, list[float], float]:
+        readout(browser)
+        code = "const e = window.explorers.r1; return [e.at, e.shown, e.degrees]"
+        now, shown, degrees = browser.execute_script(code)
+        return now, shown, degrees
+
+    def mouse(kind: str, x: float, y: float, buttons: int = 0) -> None:
+        event = {"type": kind, "x": x, "y": y, "button": "left" if buttons or kind == "mouseReleased" else "none"}
+        browser.execute_cdp_cmd("Input.dispatchMouseEvent", {**event, "buttons": buttons, "clickCount": 1})
+
+    def fingers(kind: str, *places: tuple[float, float]) -> None:
+        points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(places)]
+        browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def key(name: str) -> None:
+        for kind in ("rawKeyDown", "keyUp"):
+            code = {"ArrowRight": 39, "Home": 36, "Tab": 9}[name]
+            event = {"type": kind, "key": name, "code": name, "windowsVirtualKeyCode": code}
+            browser.execute_cdp_cmd("Input.dispatchKeyEvent", event)
+
+    show(browser, report, 1280)
+    left, top, width, height = at(browser, "#r1 canvas.scores")
+    mouse("mouseMoved", left + 0.5 * width, top + 0.5 * height)
+    middle = state()[0]
+    mouse("mouseMoved", left + 0.8 * width, top + 0.5 * height)
+    assert state()[0] > middle > 0
+    mouse("mousePressed", left + 0.5 * width, top + 0.5 * height, 1)
+    mouse("mouseReleased", left + 0.5 * width, top + 0.5 * height)
+    focused = "return document.activeElement.getAttribute('role')"
+    assert browser.execute_script(focused) == "slider"
+    key("Home")
+    assert state()[0] == 0
+    key("ArrowRight")
+    assert state()[0] == 1
+    key("Tab")
+    assert browser.execute_script("return document.activeElement.dataset.part") == "trunk"
+    left, top, width, height = at(browser, "#r1 canvas.figure")
+    before = state()[2]
+    mouse("mousePressed", left + 0.5 * width, top + 0.5 * height, 1)
+    mouse("mouseMoved", left + 0.5 * width + 40, top + 0.5 * height, 1)
+    mouse("mouseReleased", left + 0.5 * width + 40, top + 0.5 * height)
+    assert state()[2] != before
+    show(browser, report, 390)
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
+    try:
+        left, top, width, height = at(browser, "#r1 canvas.parts")
+        y = top + 0.5 * height
+        fingers("touchStart", (left + 0.6 * width, y))
+        fingers("touchMove", (left + 0.8 * width, y))
+        fingers("touchEnd")
+        assert state()[0] > middle
+        whole = state()[1]
+        fingers("touchStart", (left + 0.6 * width, y), (left + 0.7 * width, y))
+        for k in range(1, 5):
+            fingers("touchMove", (left + (0.6 - 0.03 * k) * width, y), (left + (0.7 + 0.04 * k) * width, y))
+        fingers("touchEnd")
+        shown = state()[1]
+        assert shown[1] - shown[0] < whole[1] - whole[0], "two fingers zoom"
+        left, top, width, height = at(browser, "#r1 canvas.figure")
+        before = state()[2]
+        fingers("touchStart", (left + 0.3 * width, top + 0.5 * height))
+        for k in range(1, 4):
+            fingers("touchMove", (left + (0.3 + 0.1 * k) * width, top + 0.5 * height))
+        fingers("touchEnd")
+        assert state()[2] != before, "a finger turns the figure"
+    finally:
+        browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
