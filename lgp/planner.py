@@ -38,6 +38,7 @@ from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.records import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton
+from lgp.search.time_limit import time_limit
 from lgp.search.tree_search import search
 from reba.arrays import Array
 from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, from_home, is_number
@@ -134,7 +135,28 @@ def plan_within(
 
     A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
-    return plan_of(bounds, search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence))
+    result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence)
+    return plan_of(bounds, _with_better_motion(bounds, result, budget or Budget()))
+
+
+def _with_better_motion(bounds: PathBounds, result: SearchResult, budget: Budget) -> SearchResult:
+    """Return a result with a cheaper motion of the same actions, where one is found in the time that is left."""
+    if not isinstance(result.payload, Solution) or result.status is SearchStatus.INTERRUPTED:
+        return result
+    begin = time.perf_counter()
+    try:
+        with time_limit(budget.seconds - result.seconds):
+            better = bounds.improved(result.skeleton)
+    except KeyboardInterrupt:
+        if not budget.keep_interrupted:
+            raise
+        return replace(result, status=SearchStatus.INTERRUPTED, reason="interrupted")
+    cost = better.costs.total
+    for node in result.nodes:
+        if node.skeleton == result.skeleton:
+            node.costs[bounds.levels[-1]] = cost
+    seconds = result.seconds + time.perf_counter() - begin
+    return replace(result, cost=cost, payload=better, bound=min(result.bound, cost), seconds=seconds)
 
 
 def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:
