@@ -136,9 +136,32 @@ def plan_within(
 
     A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
+    budget = budget or Budget()
     if sequence is None:
-        return plan_of(bounds, search(task, bounds, budget, first))
-    return plan_of(bounds, follow(bounds, sequence, math.inf if budget is None else budget.seconds))
+        result = search(task, bounds, budget, first)
+    else:
+        result = follow(bounds, sequence, budget.seconds)
+    return plan_of(bounds, _with_better_motion(bounds, result, budget))
+
+
+def _with_better_motion(bounds: PathBounds, result: SearchResult, budget: Budget) -> SearchResult:
+    """Return a result with a cheaper motion of the same actions, where one is found in the time that is left."""
+    if not isinstance(result.payload, Solution) or result.status is SearchStatus.INTERRUPTED:
+        return result
+    begin = time.perf_counter()
+    try:
+        with time_limit(budget.seconds - result.seconds):
+            better = bounds.improved(result.skeleton)
+    except KeyboardInterrupt:
+        if not budget.keep_interrupted:
+            raise
+        return replace(result, status=SearchStatus.INTERRUPTED, reason="interrupted")
+    cost = better.costs.total
+    for node in result.nodes:
+        if node.skeleton == result.skeleton:
+            node.costs[bounds.levels[-1]] = cost
+    seconds = result.seconds + time.perf_counter() - begin
+    return replace(result, cost=cost, payload=better, bound=min(result.bound, cost), seconds=seconds)
 
 
 def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:

@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from lgp.errors import LgpError
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.active_constraints import ActiveConstraints
@@ -29,6 +30,7 @@ from lgp.path.paths import OPTIONS, PathSolver
 from lgp.path.phases import Phases, switch_of
 from lgp.path.problem import PathProblem
 from lgp.search.records import BoundResult, Skeleton
+from lgp.search.time_limit import time_is_up
 from lgp.sqp.problem import SolverOptions
 from reba.arrays import Array
 
@@ -86,6 +88,7 @@ class PathBounds:
         self.paths = PathSolver(self.keyframes, options, self.free_path, collisions=collisions, multi_start=multi_start)
         self._estimate = CostEstimate(world, ergonomics, self.weights, self.initial_configuration)
         self._results: dict[tuple[str, Skeleton], BoundResult] = {}
+        self._improved: set[Skeleton] = set()
 
     @property
     def levels(self) -> tuple[str, ...]:
@@ -188,6 +191,28 @@ class PathBounds:
         result = self.solve("free_path", phases.actions, BoundResult(True, 0.0, payload=earlier))
         return result.payload, result.reason
 
+    def improved(self, skeleton: Skeleton) -> Solution:
+        """Return the stored path of a sequence, or one near it that is clearly cheaper, which is stored then.
+
+        Only where bodies stay apart: paths that ignore them have many starts already. A path is tried once.
+
+        Raises:
+            LgpError: there is no stored path.
+        """
+        known = self.solution("path", skeleton)
+        if known is None:
+            raise LgpError(f"{skeleton}: no path is known; solve it first")
+        if not (self.collisions and self.paths.multi_start) or skeleton in self._improved or time_is_up():
+            return known
+        with threadpool_limits(1):
+            better = self.paths.improved(self.phases(skeleton, known.durations), known)
+        if not time_is_up():
+            self._improved.add(skeleton)
+        stored = self._results["path", skeleton]
+        cost = better.costs.total
+        self._results["path", skeleton] = replace(stored, cost=cost, attained=cost, payload=better)
+        return better
+
     def set_initial_guess(self, skeleton: Skeleton, keyframes: Array, variables: Array) -> None:
         """Let sequences of these actions start from keyframes (K, nq) [rad, m] and variables (nz,)."""
         self.keyframes.cache.store_motion(self.phases(skeleton), math.inf, keyframes, variables)
@@ -195,6 +220,7 @@ class PathBounds:
     def forget_paths(self) -> None:
         """Drop results of sequences and paths; the next search starts each from the best motion of its actions."""
         self._results = {key: result for key, result in self._results.items() if key[0] == "pose"}
+        self._improved.clear()
 
     def _result(
         self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float, thorough: bool

@@ -160,6 +160,9 @@ GUESSES = 12
 CANDIDATES = 4
 """Guesses solved where a plan or a plausible path is known; otherwise sampled motions follow, and all of them where
 those fail too. Drawn ones are in turn the next of least total penetration and the next drawn."""
+DISTURBANCE, WAVES = 0.02, 3
+"""[rad, m] Standard deviation of the first wave of a disturbed path, and number of waves: a choice; larger disturbances
+lead to farther and mostly dearer paths."""
 PLAUSIBLE_RATIO = 4.0
 """Cost of a known path, relative to the path with contacts alone, above which there is probably another way."""
 CANDIDATE_OPTIONS = SolverOptions(violation=1e-6, kkt=1e-2, decrease=1e-3, iterations=16)
@@ -270,6 +273,22 @@ def _nearby_guesses(problem: PathProblem, path: Array, variables: Array, referen
     by_depth = np.argsort(depths, kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
     yield from ((guesses[number], variables) for number in order)
+
+
+def disturbed_guesses(problem: PathProblem, path: Array, variables: Array) -> Iterator[Motion]:
+    """Yield a path (T, nq) with a small smooth random motion of all joints added, from a fixed seed.
+
+    Where bodies overlap at first, which way they are moved apart may hang on little: the path that is found is then the
+    better or the worse of two ways. From near that path, without its active constraints, the other one is as likely.
+    """
+    rng = np.random.default_rng(0)
+    time = np.linspace(0.0, 1.0, len(path))[:, None]
+    low, high = problem.world.lower, problem.world.upper
+    for _ in range(CANDIDATES):
+        waves = (
+            np.sin(np.pi * k * time) * rng.normal(0.0, DISTURBANCE / k, path.shape[1]) for k in range(1, WAVES + 1)
+        )
+        yield np.clip(path + sum(waves), low, high), variables
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:

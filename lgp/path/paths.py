@@ -25,6 +25,7 @@ from lgp.path.collision_path import (
     ProblemOf,
     candidate_guesses,
     collision_options,
+    disturbed_guesses,
     exceeds,
     multi_start,
     solve_constrained,
@@ -188,6 +189,15 @@ class PathSolver:
             nearest = replace(nearest, durations=free.durations)
         return self._slow_enough(phases, (nearest, reason), collision_free=True)
 
+    def improved(self, phases: Phases, known: Solution) -> Solution:
+        """Return the collision-free path from a slightly disturbed one where that is clearly cheaper, or the known."""
+        problem = self.keyframes.problem("path", phases)
+        path = known.keyframes if known.path is None else known.path
+        guesses = disturbed_guesses(problem, path, known.variables)
+        given = _Guesses(guesses, known.result, (known, ""), known.starts)
+        better = self._best_of(phases, given, math.inf, speeds=True)[0]
+        return known if better is None or better is known else replace(better, durations=known.durations)
+
     def has_guesses_left(self, actions: Skeleton) -> bool:
         """Return whether no path of a sequence was found from the first guess, and the others are left."""
         return actions in self._left
@@ -235,11 +245,11 @@ class PathSolver:
             self._left[phases.actions] = given
         return answer
 
-    def _best_of(self, phases: Phases, given: _Guesses, limit: float) -> Answer:
+    def _best_of(self, phases: Phases, given: _Guesses, limit: float, *, speeds: bool | None = None) -> Answer:
         problem_of = self.problem_of(phases)
         candidate = multi_start(
             problem_of,
-            lambda: self.active(phases),
+            lambda: self.active(phases, speeds=speeds),
             self.keyframes.problem("path", phases),
             given.contacts,
             given.left,
