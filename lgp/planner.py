@@ -137,10 +137,7 @@ def plan_within(
     A `sequence` is planned for instead of searching; `first` is as for `lgp.search.tree_search.search`.
     """
     budget = budget or Budget()
-    if sequence is None:
-        result = search(task, bounds, budget, first)
-    else:
-        result = follow(bounds, sequence, budget.seconds)
+    result = search(task, bounds, budget, first) if sequence is None else follow(bounds, sequence, budget.seconds)
     return plan_of(bounds, _with_better_motion(bounds, result, budget))
 
 

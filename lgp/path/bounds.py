@@ -168,7 +168,7 @@ class PathBounds:
         first guess the others are left until it is asked for again with `thorough`, see `PathSolver`.
         """
         stored = self._results.get((level, skeleton))
-        again = stored is not None and (stored.postponed if thorough else stored.given_up and stored.cost < limit)
+        again = stored is not None and ((stored.given_up and stored.cost < limit) or (thorough and stored.postponed))
         if stored is not None and not again:
             return replace(stored, known=True, seconds=0.0)
         # The matrices are small: threads of the linear algebra cost more than they save, on a busy machine several
