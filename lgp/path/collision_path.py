@@ -275,13 +275,13 @@ def _nearby_guesses(problem: PathProblem, path: Array, variables: Array, referen
     yield from ((guesses[number], variables) for number in order)
 
 
-def disturbed_guesses(problem: PathProblem, path: Array, variables: Array) -> Iterator[Motion]:
-    """Yield a path (T, nq) with a small smooth random motion of all joints added, from a fixed seed.
+def disturbed_guesses(problem: PathProblem, path: Array, variables: Array, seed: int = 0) -> Iterator[Motion]:
+    """Yield a path (T, nq) with a small smooth random motion of all joints added.
 
     Where bodies overlap at first, which way they are moved apart may hang on little: the path that is found is then the
     better or the worse of two ways. From near that path, without its active constraints, the other one is as likely.
     """
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     time = np.linspace(0.0, 1.0, len(path))[:, None]
     low, high = problem.world.lower, problem.world.upper
     for _ in range(CANDIDATES):

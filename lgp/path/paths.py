@@ -56,7 +56,7 @@ FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
 
 
-CORRECTIONS = 3
+CORRECTIONS = 4
 """Times that a path is moved to the nearest feasible one, each with what the last one turned out to break."""
 DURATION_FACTORS = (1.0, 1.2, 1.5)
 """Durations that are tried in turn, in multiples of what the path that is too fast needs: contacts need time too."""
@@ -189,11 +189,11 @@ class PathSolver:
             nearest = replace(nearest, durations=free.durations)
         return self._slow_enough(phases, (nearest, reason), collision_free=True)
 
-    def improved(self, phases: Phases, known: Solution) -> Solution:
+    def improved(self, phases: Phases, known: Solution, seed: int = 0) -> Solution:
         """Return the collision-free path from a slightly disturbed one where that is clearly cheaper, or the known."""
         problem = self.keyframes.problem("path", phases)
         path = known.keyframes if known.path is None else known.path
-        guesses = disturbed_guesses(problem, path, known.variables)
+        guesses = disturbed_guesses(problem, path, known.variables, seed)
         given = _Guesses(guesses, known.result, (known, ""), known.starts)
         better = self._best_of(phases, given, math.inf, speeds=True)[0]
         return known if better is None or better is known else replace(better, durations=known.durations)
@@ -292,6 +292,9 @@ class PathSolver:
     def accept(self, problem: PathProblem, result: Result, starts: tuple[int, int] = (1, 1)) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
         x, violation = result.x, result.violation
+        rows = problem.constraints.active
+        if isinstance(rows, MotionConstraints) and rows.collisions is not None:
+            rows.collisions.between = True
         for _ in range(CORRECTIONS):
             if NEARLY_FEASIBLE > violation > self.tolerance:
                 # The iterations ended just before the constraints held: the nearest feasible path costs as much.

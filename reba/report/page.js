@@ -5,6 +5,12 @@
   const common = document.getElementById("explorer-model") ? json("explorer-model") : null;
   const explorers = {};
   if (common) Timeline.join(common.with_unit);
+  // No line ends between a number and its unit; the file keeps plain spaces, for those who search in it.
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const text = texts.currentNode;
+    if (!text.parentElement.closest("script, style, pre, textarea")) text.data = Timeline.joined(text.data);
+  }
 
   for (const root of document.querySelectorAll(".explorer")) {
     root.hidden = false;

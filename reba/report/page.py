@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -19,7 +18,7 @@ from reba.files import as_json
 from reba.method.classes import angle_classes
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
 from reba.posture.columns import SIDES
-from reba.printable import WITH_UNIT, as_markup, as_script_data, joined, printable
+from reba.printable import WITH_UNIT, as_markup, as_script_data, printable
 from reba.report import labels
 from reba.report.body_map import SCALE, body_map
 from reba.report.comparison import compared_figures, differing
@@ -232,8 +231,6 @@ def _level_rows(record: RecordingSummary) -> list[dict[str, Any]]:
     return rows
 
 
-_TEXT: Final = re.compile(r"(?s)(<(pre|script|style|textarea)\b.*?</\2>|<!--.*?-->|<[^>]*>)|[^<]+")
-"""Texts of a page, and (group 1) what stands between them: tags, and elements whose text is copied or run."""
 BASE = "base.html"
 """Template that pages extend: head, shared style, and the blocks `title`, `style` and `body`."""
 
@@ -243,8 +240,7 @@ def template(
 ) -> Template:
     """Return a template of a package; `render` must get every variable that the template uses.
 
-    Every value is escaped, and its hidden characters are shown as in the terminal (`reba.printable`); numbers in the
-    texts of the page stay on one line with their units.
+    Every value is escaped, and its hidden characters are shown as in the terminal (`reba.printable`).
 
     Args:
         package: such as `lgp.study`; its first part is named as the generator of the page.
@@ -254,12 +250,8 @@ def template(
         >>> print(template("reba.report", "base.html").render()[:15])
         <!DOCTYPE html>
     """
-    from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
-
-    class Page(Template):
-        def render(self, *args: Any, **variables: Any) -> str:
-            return _TEXT.sub(lambda part: part[1] or joined(part[0]), super().render(*args, **variables))
 
     environment = Environment(
         loader=FunctionLoader(lambda file: read("reba.report" if file == BASE else package, file)),
@@ -269,7 +261,6 @@ def template(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.template_class = Page
     environment.filters |= dict(filters or {})
     environment.globals |= {
         "program": package.partition(".")[0],

@@ -63,6 +63,7 @@ def free(world: World, actions: tuple[Action, ...]) -> Solution:
 def active(world: World, actions: tuple[Action, ...], free: Solution, **options: float) -> CollisionConstraints:
     bounds = PathBounds(world, slices=SLICES)
     rows = CollisionConstraints(world, bounds.phases(actions), bounds.initial_configuration, **options)
+    rows.between = True
     rows.add_violated(free.path, free.variables)
     return rows
 
@@ -155,5 +156,5 @@ def test_a_plan_holds_its_deepest_penetration(world: World) -> None:
     assert through.residuals["penetration"] > 0.01
     around = plan(scene, None, sequence=LINES, world=world)
     assert around.feasible
-    assert around.residuals["penetration"] == 0.0
+    assert around.residuals["penetration"] <= 1e-9  # bodies that touch as an action declares
     assert around.costs["total"] >= through.costs["total"] - 1e-6

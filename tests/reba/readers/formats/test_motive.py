@@ -233,7 +233,7 @@ def test_markers_of_the_set_biomech(tmp_path: Path) -> None:
             }.items()
         },
     }  # fmt: skip
-    table = read(tmp_path, motive_csv(points=standing(markers)), neutral="first:1s")
+    table = read(tmp_path, motive_csv(points=standing(markers)), neutral="first:0.1s")
     assert table.profile == "markers_motive_biomech"
     for column in ("trunk_flexion", "neck_flexion", "upper_arm_flexion_left", "wrist_flexion_right"):
         np.testing.assert_allclose(table.data[column], 0.0, atol=1e-6, err_msg=column)
