@@ -31,11 +31,8 @@ EARLY_MARGIN = 0.005
 """[m] Where a constraint is violated, pairs within the margin and this become active too."""
 MARGIN_TOLERANCE = 1e-3
 """[m] A pair below the margin by less does not become active."""
-POINTS_PER_SLICE = 16
+POINTS_PER_SLICE = 4
 """Points checked per slice, joints interpolated: the hand of an arm moves 10 cm or more from slice to slice."""
-SPARSE, BETWEEN = 4, 0.2
-"""Of so many points one keeps the whole margin, and the others, which are checked at the end, this share of it: all of
-it everywhere makes plans 7 % dearer."""
 
 
 class _Near(NamedTuple):
@@ -66,7 +63,6 @@ class CollisionConstraints:
     Attributes:
         points: (m,) time of each constraint in steps of 1 / POINTS_PER_SLICE slices; new ones come last.
         pairs: (m,) its pair of bodies.
-        between: whether all points are checked, not one of `SPARSE`.
         contacts_alone: whether only pairs become active for which actions declare contact or a distance.
     """
 
@@ -87,10 +83,8 @@ class CollisionConstraints:
         require_withdrawals(
             self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, clock)), times
         )
-        between = (np.arange(1, len(times) + 1) % SPARSE != 0)[:, None] & (self._limits <= margin)
-        self._limits[between] *= BETWEEN
         self._contacts = (self._limits != margin).any(axis=0)
-        self.between = self.contacts_alone = False
+        self.contacts_alone = False
         at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin, self.collisions.close)
         near = self._near(
             initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), 0.0, at_first
@@ -106,10 +100,8 @@ class CollisionConstraints:
 
         Of the points of a slice and a pair only the nearest becomes active: the next ones say nearly the same.
         """
-        every = 1 if self.between else SPARSE
-        points = np.arange(every - 1, len(self._phase), every)
-        near = self._near(self._between(q, points), self._phase[points], z, EARLY_MARGIN, self._limits[points])
-        near = near._replace(slices=points[near.slices])
+        points = np.arange(len(self._phase))
+        near = self._near(self._between(q, points), self._phase, z, EARLY_MARGIN, self._limits)
         count = len(self.collisions.pairs)
         clearance = near.value - self._limits[near.slices, near.pairs]
         new = self._nearest_of_slice(near, clearance) & (clearance < EARLY_MARGIN)

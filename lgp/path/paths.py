@@ -56,7 +56,7 @@ FINAL_OPTIONS = replace(OPTIONS, kkt=1e-4, decrease=1e-6, iterations=30)
 """Paths at the last stage, whose cost has edges: steps to more digits get ever shorter."""
 
 
-CORRECTIONS = 4
+CORRECTIONS = 3
 """Times that a path is moved to the nearest feasible one, each with what the last one turned out to break."""
 DURATION_FACTORS = (1.0, 1.2, 1.5)
 """Durations that are tried in turn, in multiples of what the path that is too fast needs: contacts need time too."""
@@ -292,9 +292,6 @@ class PathSolver:
     def accept(self, problem: PathProblem, result: Result, starts: tuple[int, int] = (1, 1)) -> Answer:
         """Return the solution if its constraints hold within the tolerance, else None and the one that fails most."""
         x, violation = result.x, result.violation
-        rows = problem.constraints.active
-        if isinstance(rows, MotionConstraints) and rows.collisions is not None:
-            rows.collisions.between = True
         for _ in range(CORRECTIONS):
             if NEARLY_FEASIBLE > violation > self.tolerance:
                 # The iterations ended just before the constraints held: the nearest feasible path costs as much.

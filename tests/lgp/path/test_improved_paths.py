@@ -1,4 +1,4 @@
-"""The path of the best plan is solved again from slightly disturbed ones, and passes through nothing between points."""
+"""The path of the best plan is solved again from slightly disturbed ones."""
 
 from __future__ import annotations
 
@@ -29,14 +29,10 @@ def scene_at(left: float, center: float, right: float) -> Scene:
     return lgp.load_scene("screwdriver").with_heights({"left": left, "center": center, "right": right})
 
 
-def lines(table: str) -> list[str]:
-    return [line.format(table=table) for line in LINES]
-
-
 def followed(**options: bool) -> tuple[PathBounds, SearchResult]:
     scene = scene_at(1.1, 0.9, 1.0)
     bounds = PathBounds(World(scene), slices=8, **{"collisions": True, **options})
-    return bounds, follow(bounds, parse_sequence(task_of(scene), lines("center")))
+    return bounds, follow(bounds, parse_sequence(task_of(scene), LINES))
 
 
 def test_an_improved_path_is_cheaper_or_the_known_one_and_is_stored() -> None:
@@ -70,14 +66,3 @@ def test_a_plan_states_the_cost_of_the_improved_motion() -> None:
     known = [node.costs["path"] for node in plan.tree if node.goal and "path" in node.costs]
     assert math.isclose(plan.costs["total"], min(known), rel_tol=1e-9)
     assert plan.search["bound"] <= plan.costs["total"] * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize(
-    ("heights", "table"), [((1.2219, 0.969, 1.1114), "right"), ((1.1, 0.9, 1.0), "center"), ((0.7, 1.2, 0.8), "left")]
-)
-def test_nothing_is_passed_through_between_the_points_of_constraints(
-    heights: tuple[float, float, float], table: str
-) -> None:
-    plan = lgp.plan(scene_at(*heights), sequence=lines(table))
-    assert plan.feasible, plan.reason
-    assert plan.audit["faults"] == []
