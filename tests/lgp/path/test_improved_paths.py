@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.slow, needs_robots]
 
 LINES = (
     "grasp(baxter.right, screwdriver)",
-    "place(baxter.right, screwdriver, table.{table})",
+    "place(baxter.right, screwdriver, table.center)",
     "grasp(human.right_hand, screwdriver)",
 )
 
