@@ -286,7 +286,7 @@ def test_an_hour_fits_and_shows_means_until_it_is_zoomed(browser: Any, hour: tup
 def test_an_hour_is_printed_with_its_means(hour: tuple[Scores, Path]) -> None:
     page = hour[1].read_text(encoding="utf-8")
     assert page.count('class="spread"') == 1
-    assert joined("time [min]; line: mean over 24.0 s, grey: lowest to highest score") in page
+    assert "time [min]; line: mean over 24.0 s, grey: lowest to highest score" in page
 
 
 def test_still_plots_and_tables_remain_without_scripts(browser: Any, report: Path) -> None:
