@@ -60,7 +60,8 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
         console.print(Text(_concurrent(summary["concurrent"])))
     starts = summary["starts"]
     if starts and starts["of"] > 1:
-        console.print(f"motion: the best of {starts['of']} starts, of which {starts['agreed']} agree within 1 %")
+        agree = f"of which {starts['agreed']} agree within 1 %"
+        console.print(f"motion: from the best of {starts['of']} starts of its keyframes, {agree}")
 
 
 def _concurrent(concurrent: dict[str, Any]) -> str:

@@ -44,7 +44,7 @@ def show_advice(console: Console, advice: Advice, *, every: bool = False) -> Non
             _item(console, label, f"{together.text}: {advice.effect(together)}")
     left = len(advice.single) - SHOWN
     if left > 0 and not every:
-        tied = f"; {advice.tied} of them take as much time away as number {SHOWN}" if advice.tied else ""
+        tied = f"; {advice.tied} of them as good as number {SHOWN}" if advice.tied else ""
         console.print(f"{left} more: --all{tied}")
 
 

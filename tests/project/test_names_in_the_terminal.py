@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import json
 import os
-import pty
 import re
 import subprocess
 import sys
@@ -27,6 +26,7 @@ from tests.support import hostile_names as hostile
 from tests.support.hostile_names import FILE, FORGED, NAME
 from tests.support.paths import ROOT
 from tests.support.studies import log
+from tests.support.terminal import in_a_terminal
 
 pytestmark = pytest.mark.slow
 
@@ -175,22 +175,7 @@ def test_in_a_pipe(call: list[str], commands: list[list[str]]) -> None:
 
 
 def test_in_a_terminal(call: list[str], commands: list[list[str]]) -> None:
-    primary, secondary = pty.openpty()
-    env = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "130"}
-    process = subprocess.Popen(call, stdin=secondary, stdout=secondary, stderr=secondary, cwd=ROOT, env=env)
-    os.close(secondary)
-    read = b""
-    while True:
-        try:
-            part = os.read(primary, 65536)
-        except OSError:  # the other end is closed
-            break
-        if not part:
-            break
-        read += part
-    os.close(primary)
-    assert process.wait(60) == 0
-    text = read.decode("utf-8")
+    text = in_a_terminal(call, 130)
     assert "\x1b[35;45m" not in text
     assert "\x1b[1m" in text
     check(OURS.sub("", text), commands)

@@ -79,7 +79,11 @@ def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
     for process in processes:
         process.terminate()
     for process in processes:
-        process.wait(timeout=20)
+        try:
+            process.wait(timeout=20)
+        except subprocess.TimeoutExpired:  # a worker of Dask may hang while it ends
+            process.kill()
+            process.wait()
 
 
 @contextmanager
