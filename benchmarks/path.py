@@ -31,7 +31,6 @@ import dreba
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.bounds import PathBounds
-from lgp.path.collision_constraints import CollisionConstraints
 from lgp.path.collision_path import solve_constrained
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.keyframes import Solution
@@ -125,7 +124,7 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
     row |= {"median_ms": float(np.median(times))}
     if bounds.collisions:
         ms, (problem, result) = best(repeat, lambda: collision_free(bounds, phases, free))
-        rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
+        rows = bounds.paths.collision_constraints(phases)
         row = describe(case, problem, result) | {"ms": ms, "keys_ms": keys_ms, "setup_ms": setup_ms}
         row |= {"free_ms": min(times), "penetration": rows.deepest_penetration(*problem.split(result.x))[0]}
         active = [
@@ -137,7 +136,7 @@ def warm_row(case: str, bounds: PathBounds, actions: tuple[Action, ...], repeat:
 
 def collision_free(bounds: PathBounds, phases: Any, free: Result) -> tuple[PathProblem, Result]:
     """Return the problem and result with collision constraints, from the free path."""
-    rows = CollisionConstraints(bounds.world, phases, bounds.initial_configuration)
+    rows = bounds.paths.active(phases)
     return solve_constrained(lambda given: bounds.problem("path", phases, active=given), rows, free, bounds.options)
 
 

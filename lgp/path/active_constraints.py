@@ -70,6 +70,11 @@ class MotionConstraints:
             self._of = np.append(self._of, np.full(len(part) - before, number))
         return violated
 
+    def keep_more_around(self, q: Array, z: Array) -> int:
+        """Let bodies keep more around places where they are in each other between the points of a path (T, nq) that
+        are rows; return how many these are."""
+        return 0 if self.collisions is None else self.collisions.keep_more_around(q, z)
+
     def blocks(self, tail: int) -> Blocks:
         """Return the unknowns of each row; variables begin at `tail`."""
         return self._in_order([part.blocks(tail) for part in self.parts])

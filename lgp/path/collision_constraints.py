@@ -33,6 +33,10 @@ MARGIN_TOLERANCE = 1e-3
 """[m] A pair below the margin by less does not become active."""
 POINTS_PER_SLICE = 4
 """Points checked per slice, joints interpolated: the hand of an arm moves 10 cm or more from slice to slice."""
+BETWEEN = 4
+"""Parts that the time between two points is divided into when a path is solved: an edge may pass between the points."""
+EXTRA = 2e-3
+"""[m] Around what bodies miss between two points, they keep so much more than that at these: a choice."""
 
 
 class _Near(NamedTuple):
@@ -84,6 +88,7 @@ class CollisionConstraints:
             self._limits, shapes, pairs, tuple(declared_withdrawals(self.collisions.modes, clock)), times
         )
         self._contacts = (self._limits != margin).any(axis=0)
+        self._grips = np.array([self.collisions.is_grip(pair) for pair in pairs], dtype=bool)
         self.contacts_alone = False
         at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin, self.collisions.close)
         near = self._near(
@@ -119,6 +124,35 @@ class CollisionConstraints:
             for at, pair in zip(near.slices[new], near.pairs[new], strict=True)
         ]
         return violated
+
+    def keep_more_around(self, q: Array, z: Array) -> int:
+        """Let pairs keep more at the points around which they are in each other, or grip points too near, on a path
+        (T, nq); return how many places in time and pairs these are.
+
+        The whole margin between all points would make every path dearer for the few that need it.
+        """
+        fine = np.arange(len(self._phase) * BETWEEN)
+        fine = fine[(fine + 1) % BETWEEN != 0]
+        after = fine // BETWEEN
+        before = np.maximum(after - 1, 0)
+        required = np.minimum(self._limits[before], self._limits[after])
+        required[:, ~self._grips] = np.minimum(required[:, ~self._grips], 0.0)
+        near = self._near(self._between(q, fine, BETWEEN), self._phase[after], z, 0.0, required)
+        missed = required[near.slices, near.pairs] - near.value
+        some = np.flatnonzero(missed > 0.5 * MARGIN_TOLERANCE)
+        at, pairs = near.slices[some], near.pairs[some]
+        for points in (before[at], after[at]):
+            bounded = np.isfinite(self._limits[points, pairs])
+            where = points[bounded], pairs[bounded]
+            have = self._distances(q, z, *where)
+            np.maximum.at(self._limits, where, have + missed[some][bounded] + EXTRA)
+        return len(some)
+
+    def _distances(self, q: Array, z: Array, points: Indices, pairs: Indices) -> Array:
+        """Return the distances (m,) [m] of pairs at points of a path (T, nq)."""
+        used, places = np.unique(points, return_inverse=True)
+        kinematics = self.world.at(self._between(q, used), self.collisions.frames)
+        return self.collisions.values(kinematics, self._phase[used], z, places, pairs)
 
     def _nearest_of_slice(self, near: _Near, clearance: Array) -> Flags:
         """Return (m,) whether no other point of the same slice and pair has less clearance."""
@@ -266,15 +300,14 @@ class CollisionConstraints:
 
     def _depths(self, q: Array, z: Array) -> tuple[_Near, Array]:
         """Return the near pairs along a path (T, nq), and the penetration [m] of each beyond what is allowed (m,)."""
-        points = [number for number, pair in enumerate(self.collisions.pairs) if self.collisions.is_grip(pair)]
         touching = np.where(np.isneginf(self._limits), -np.inf, 0.0)
-        touching[:, points] = -np.inf  # no bodies
+        touching[:, self._grips] = -np.inf  # no bodies
         near = self._near(self._between(q, np.arange(len(self._phase))), self._phase, z, 0.0, touching)
         return near, -near.value
 
-    def _between(self, q: Array, points: Indices) -> Array:
-        """Return the interpolated configurations (m, nq) at some points of a path (T, nq)."""
-        return interpolate(self._knots(q), *_share(points))
+    def _between(self, q: Array, points: Indices, parts: int = 1) -> Array:
+        """Return the interpolated configurations (m, nq) at some points of a path (T, nq), or parts of points."""
+        return interpolate(self._knots(q), *_share(points, parts))
 
     def _knots(self, q: Array) -> Array:
         return np.concatenate([self.initial_configuration[None], q])
@@ -295,6 +328,7 @@ def _convex_part(matrices: Array) -> Array:
     return convex
 
 
-def _share(points: Indices) -> tuple[Indices, Array]:
+def _share(points: Indices, parts: int = 1) -> tuple[Indices, Array]:
     """Return the knot before each point (the start is knot 0), and its share of the way to the next knot."""
-    return points // POINTS_PER_SLICE, (points % POINTS_PER_SLICE + 1) / POINTS_PER_SLICE
+    count = POINTS_PER_SLICE * parts
+    return points // count, (points % count + 1) / count

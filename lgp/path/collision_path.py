@@ -56,7 +56,7 @@ ProblemOf = Callable[[ActiveConstraints], PathProblem]
 
 def solve_constrained(
     problem_of: ProblemOf,
-    constraints: ActiveConstraints,
+    constraints: MotionConstraints,
     first: Result,
     options: SolverOptions,
     *,
@@ -82,7 +82,10 @@ def solve_constrained(
     for number in range(rounds):
         violated = constraints.add_violated(*problem.split(result.x))
         if not violated and final:
-            break
+            violated = 0 if coarse else constraints.keep_more_around(*problem.split(result.x))
+            if not violated:
+                break
+            constraints.add_violated(*problem.split(result.x))
         if violated:
             problem = problem_of(constraints)
         final = not violated or number == rounds - 1
@@ -175,14 +178,14 @@ CANDIDATE_ROUNDS = 5
 class CandidatePath:
     """A collision-free path to a coarse tolerance: its active constraints, its problem and the solver's result."""
 
-    constraints: ActiveConstraints
+    constraints: MotionConstraints
     problem: PathProblem
     result: Result
 
 
 def multi_start(
     problem_of: ProblemOf,
-    active_of: Callable[[], ActiveConstraints],
+    active_of: Callable[[], MotionConstraints],
     problem: PathProblem,
     contacts: Result,
     guesses: Iterator[Motion],

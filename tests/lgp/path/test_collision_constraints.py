@@ -10,7 +10,7 @@ import pytest
 from lgp.kinematics.world import World
 from lgp.logic.task import Action
 from lgp.path.bounds import PathBounds
-from lgp.path.collision_constraints import MARGIN, POINTS_PER_SLICE, CollisionConstraints
+from lgp.path.collision_constraints import EXTRA, MARGIN, POINTS_PER_SLICE, CollisionConstraints
 from lgp.path.keyframes import Solution
 from lgp.path.problem import PathProblem
 from lgp.path.reasons import explain_infeasibility
@@ -114,6 +114,22 @@ def test_paths_are_collision_free_between_slices_too(world: World, actions: tupl
     assert found.cost >= solved(bounds, actions, "sequence").cost - 1e-6
     rest = bounds.problem("path", bounds.phases(actions)).constraints.residuals(solution.path, solution.variables)
     assert max(rest["equality"], rest["inequality"]) <= 1e-6
+
+
+def test_pairs_keep_more_around_what_they_pass_between_two_points(
+    world: World, actions: tuple[Action, ...], free: Solution
+) -> None:
+    bounds = PathBounds(world, slices=SLICES)
+    rows = CollisionConstraints(world, bounds.phases(actions), bounds.initial_configuration)
+    before = np.concatenate([rows.limits_of_phase(phase) for phase in range(len(actions))])
+    raised = rows.keep_more_around(free.path, free.variables)
+    after = np.concatenate([rows.limits_of_phase(phase) for phase in range(len(actions))])
+    assert raised > np.count_nonzero(after > before) / 2 > 1
+    assert (after >= before).all()
+    assert np.isneginf(after[np.isneginf(before)]).all()  # contact stays free
+    for point, pair in np.argwhere(after > before):
+        assert after[point, pair] > rows._distances(free.path, free.variables, [point], [pair])[0] + EXTRA
+    assert rows.add_violated(free.path, free.variables) > 0
 
 
 def test_the_pair_that_is_nearest_beyond_what_it_may_is_named(

@@ -6,11 +6,13 @@ import math
 
 import pytest
 
+import dreba
 import lgp
 from lgp.errors import LgpError
 from lgp.kinematics.world import World
 from lgp.path.bounds import PathBounds
-from lgp.planner import follow, parse_sequence, task_of
+from lgp.path.ergonomics import Ergonomics
+from lgp.planner import follow, parse_sequence, plan_of, task_of
 from lgp.scene.model import Scene
 from lgp.search.records import SearchResult
 from lgp.search.time_limit import time_limit
@@ -66,3 +68,19 @@ def test_a_plan_states_the_cost_of_the_improved_motion() -> None:
     known = [node.costs["path"] for node in plan.tree if node.goal and "path" in node.costs]
     assert math.isclose(plan.costs["total"], min(known), rel_tol=1e-9)
     assert plan.search["bound"] <= plan.costs["total"] * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("heights", "table"),
+    [((1.2218835927963827, 0.968993123729791, 1.1113900218032626), "table.right"),
+     ((1.3880395945039918, 1.2703605841024839, 1.1123823134831605), "table.center")],
+)  # fmt: skip
+def test_no_edge_passes_between_the_points_of_a_path(heights: tuple[float, float, float], table: str) -> None:
+    scene = scene_at(*heights)
+    world = World(scene)
+    bounds = PathBounds(world, Ergonomics(world, dreba.load("convex")), collisions=True)
+    lines = [line.replace("table.center", table) for line in LINES]
+    result = follow(bounds, parse_sequence(task_of(scene), lines))
+    bounds.improved(result.skeleton)
+    plan = plan_of(bounds, follow(bounds, result.skeleton))
+    assert plan.audit["faults"] == []
