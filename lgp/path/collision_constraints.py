@@ -127,9 +127,10 @@ class CollisionConstraints:
 
     def keep_more_around(self, q: Array, z: Array) -> int:
         """Let pairs keep more at the points around which they are in each other, or grip points too near, on a path
-        (T, nq); return how many places in time and pairs these are.
+        (T, nq); return how many points and pairs these are.
 
-        The whole margin between all points would make every path dearer for the few that need it.
+        The whole margin between all points would make every path dearer for the few that need it. Points near a
+        contact, where less than the margin is kept, stay as they are: there the actions decide.
         """
         fine = np.arange(len(self._phase) * BETWEEN)
         fine = fine[(fine + 1) % BETWEEN != 0]
@@ -140,13 +141,12 @@ class CollisionConstraints:
         near = self._near(self._between(q, fine, BETWEEN), self._phase[after], z, 0.0, required)
         missed = required[near.slices, near.pairs] - near.value
         some = np.flatnonzero(missed > 0.5 * MARGIN_TOLERANCE)
-        at, pairs = near.slices[some], near.pairs[some]
-        for points in (before[at], after[at]):
-            bounded = np.isfinite(self._limits[points, pairs])
-            where = points[bounded], pairs[bounded]
-            have = self._distances(q, z, *where)
-            np.maximum.at(self._limits, where, have + missed[some][bounded] + EXTRA)
-        return len(some)
+        pairs, more = np.tile(near.pairs[some], 2), np.tile(missed[some] + EXTRA, 2)
+        points = np.concatenate([before[near.slices[some]], after[near.slices[some]]])
+        whole = self._limits[points, pairs] >= np.where(self._grips[pairs], 0.0, self.margin)
+        where = points[whole], pairs[whole]
+        np.maximum.at(self._limits, where, self._distances(q, z, *where) + more[whole])
+        return int(np.count_nonzero(whole))
 
     def _distances(self, q: Array, z: Array, points: Indices, pairs: Indices) -> Array:
         """Return the distances (m,) [m] of pairs at points of a path (T, nq)."""

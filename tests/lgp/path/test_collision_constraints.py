@@ -124,9 +124,10 @@ def test_pairs_keep_more_around_what_they_pass_between_two_points(
     before = np.concatenate([rows.limits_of_phase(phase) for phase in range(len(actions))])
     raised = rows.keep_more_around(free.path, free.variables)
     after = np.concatenate([rows.limits_of_phase(phase) for phase in range(len(actions))])
-    assert raised > np.count_nonzero(after > before) / 2 > 1
+    assert raised >= np.count_nonzero(after > before) > 2
     assert (after >= before).all()
-    assert np.isneginf(after[np.isneginf(before)]).all()  # contact stays free
+    bodies = [not rows.collisions.is_grip(pair) for pair in rows.collisions.pairs]
+    assert (before[(after > before) & bodies] >= MARGIN).all()  # near contacts nothing changes
     for point, pair in np.argwhere(after > before):
         assert after[point, pair] > rows._distances(free.path, free.variables, [point], [pair])[0] + EXTRA
     assert rows.add_violated(free.path, free.variables) > 0
