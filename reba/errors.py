@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import difflib
 import re
+import sys
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
 from reba.printable import printable
 
+PACKAGES: Final = frozenset({"reba", "dreba", "lgp"})
 LONGEST: Final = 2000
 """Characters of a message; what is longer came from the input and loses its middle."""
 
@@ -63,6 +66,14 @@ class ReadError(RebaError):
 
 class RadiansWarning(UserWarning):
     """Angles look like radians where degrees are expected."""
+
+
+def warn_user(text: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line of the caller's code: the nearest one outside our packages."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in PACKAGES:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, category, stacklevel=level)
 
 
 def _read_error(path: str, what: str, hint: str, offset: int | None) -> ReadError:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import warnings
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +15,7 @@ import numpy as np
 from reba.analysis.exposure import compare as compare_scores
 from reba.analysis.score_table import ScoreTable
 from reba.checks import PATH, Allowed, accepts, from_home
-from reba.errors import PostureError, RebaError, RulesError
+from reba.errors import PostureError, RebaError, RulesError, warn_user
 from reba.method.rules import Rules
 from reba.posture.factors import Factors
 from reba.posture.table import PostureTable
@@ -60,7 +59,7 @@ def score_recorded(postures: PostureTable, **options: Any) -> Scores:
     """
     rules = recorded_rules(postures)
     if rules is None:
-        _warn(f"{postures.source}: it does not say by which rules it was scored; 'measured' is used")
+        warn_user(f"{postures.source}: it does not say by which rules it was scored; 'measured' is used")
     scores = score(postures, rules=rules or "measured", **options)
     scores = dataclasses.replace(scores, factors=_constants(scores.factors))
     causes = (postures.scored or {}).get("activity")
@@ -72,7 +71,7 @@ def score_recorded(postures: PostureTable, **options: Any) -> Scores:
     if differ.any():
         origin = other_version((postures.scored or {}).get(MEMBER))
         by = f", which {origin} wrote" if origin else ""
-        _warn(f"{postures.source}: {int(differ.sum())} of {len(differ)} scores differ from those in the file{by}")
+        warn_user(f"{postures.source}: {int(differ.sum())} of {len(differ)} scores differ from those in the file{by}")
     return scores
 
 
@@ -81,10 +80,6 @@ def _constants(factors: Factors) -> Factors:
     values = {field.name: getattr(factors, field.name) for field in dataclasses.fields(factors)}
     equal = {name: value[0].item() for name, value in values.items() if np.ndim(value) and (value == value[:1]).all()}
     return dataclasses.replace(factors, **equal)
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, UserWarning, stacklevel=4)
 
 
 @accepts(RebaError, path=PATH)
@@ -140,5 +135,5 @@ def compare(a: ScoreTable | str | Path, b: ScoreTable | str | Path) -> dict[str,
     if first is not a or second is not b:
         names = first.rules.name, second.rules.name
         if first.rules != second.rules:
-            _warn(f"compare: the scores were recorded with different rules, {names[0]!r} and {names[1]!r}")
+            warn_user(f"compare: the scores were recorded with different rules, {names[0]!r} and {names[1]!r}")
     return compare_scores(first, second)

@@ -6,7 +6,6 @@ PostureTable or DataFrame -> angles (n, 22) + factors + activity -> score_array 
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +21,7 @@ from reba.analysis.score_table import ScoreTable
 from reba.analysis.worksheet import Worksheet, worksheet
 from reba.arrays import Array
 from reba.checks import TEXT, accepts
-from reba.errors import PostureError
+from reba.errors import PostureError, warn_user
 from reba.method.distribution import LIKELY_COLUMNS
 from reba.method.measurement_error import ErrorInput, MeasurementError
 from reba.method.rules import Rules, rules_of
@@ -121,11 +120,11 @@ def score(
     if isinstance(recorded, dict) and recorded != dataclasses.asdict(chosen):
         name = recorded.get("name")
         text = f"{table.source}: its scores were recorded with rules {name!r}, these are by {chosen.name!r}"
-        warnings.warn(text, UserWarning, stacklevel=3)
+        warn_user(text)
     angles = angles_of(table.data)
     refuse_infinite(angles)
     if RADIANS_TEXT not in table.quality.warnings:  # unless a reader has warned
-        warn_if_radians(angles, stacklevel=4)
+        warn_if_radians(angles)
     columns = {name: table.data[name].to_numpy() for name in (*FACTORS, *BOTH_SIDES) if name in table.data}
     named = expand_sides(columns)
     named |= expand_sides({name: value for name, value in factors.items() if value is not None})

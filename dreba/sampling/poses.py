@@ -52,7 +52,7 @@ class Poses:
             raise SampleError(f"reba is {shown(self.reba)}; expected (n,) scores, one for each pose")
         object.__setattr__(self, "reba", scores)
         if not isinstance(self.angles, np.ndarray) or self.angles.dtype != np.float64:
-            object.__setattr__(self, "angles", checked_poses(self.angles, error=SampleError, stacklevel=5)[0])
+            object.__setattr__(self, "angles", checked_poses(self.angles, error=SampleError)[0])
         if self.angles.shape != (len(self.reba), len(COLUMNS)):
             raise SampleError(
                 f"angles have shape {self.angles.shape}; expected ({len(self.reba)}, {len(COLUMNS)}), a row for each "

@@ -8,7 +8,6 @@ batches and task factors, and writes files. One contract test runs on every regi
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self, Unpack
@@ -37,6 +36,7 @@ from dreba.surrogates.task_factors import (
 from dreba.surrogates.validation import JOINTS, check_parameters, checked_joints, checked_weights, unnamed_joints
 from reba.arrays import Array
 from reba.checks import PATH, Allowed, accepts
+from reba.errors import warn_user
 from reba.posture.columns import COLUMNS
 from reba.posture.named_angles import angle_columns, check_angles, checked_poses, read_angles, warn_if_radians
 from reba.posture.named_data import named_columns, refuse_doubtful_order
@@ -312,7 +312,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
         """Return checked angles (n, d) [deg] and whether they are a single pose (d,)."""
         if not hasattr(self, "joints_"):
             check_is_fitted(self, "joints_")
-        return checked_poses(angles, self.joints_, absent="refuse", error=ModelError, stacklevel=5)
+        return checked_poses(angles, self.joints_, absent="refuse", error=ModelError)
 
     def _factors(self, arguments: TaskFactorArguments, n: int) -> TaskFactors:
         """Return the factors of an evaluation of n poses, and warn once of each that the model does not know."""
@@ -328,7 +328,7 @@ class Surrogate(RegressorMixin, BaseEstimator):
                 advice = (
                     "" if self.get_params(deep=False).get("payload_only") else "; fit it to poses that differ in it"
                 )
-                warnings.warn(text + advice, FactorWarning, stacklevel=3)
+                warn_user(text + advice, FactorWarning)
         return factors
 
     def _set_joints(self, joints: tuple[str, ...]) -> None:

@@ -7,7 +7,6 @@ hand has.
 
 from __future__ import annotations
 
-import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from lgp.kinematics.urdf import read_urdf
 from lgp.kinematics.world import World
 from lgp.scene.model import Robot
 from reba.arrays import Array
+from reba.errors import warn_user
 
 SHORTEST = 0.03
 """[m] Shorter links of a robot without <collision> get no capsule: those of their neighbours cover them."""
@@ -175,7 +175,7 @@ def _mesh(link: str, mesh: ET.Element, at: pin.SE3, path: Path, packages: tuple[
     try:
         file = mesh_path(name, path, packages)
     except MissingMeshError as error:
-        warnings.warn(f"{error}; link {link!r} has no body", MissingMeshWarning, stacklevel=2)
+        warn_user(f"{error}; link {link!r} has no body", MissingMeshWarning)
         return
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
     parts = [(vertices * scale, np.asarray(triangles)) for vertices, triangles, *_ in read_mesh(file)]

@@ -12,7 +12,6 @@ import logging
 import pickle
 import threading
 import time
-import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
 from functools import lru_cache
@@ -20,7 +19,7 @@ from typing import Any, Final
 
 from reba._version import __version__
 from reba.batch.worker_pool import TASKS_PER_WORKER, NotRun, WorkerDied
-from reba.errors import RebaError
+from reba.errors import RebaError, warn_user
 from reba.extras import missing
 
 CONNECT_SECONDS: Final = 5.0
@@ -131,7 +130,7 @@ class Cluster:
             return result
         if worker not in self._refused:
             self._refused[worker] = problem
-            warnings.warn(f"worker {worker} {problem}; its tasks go to other workers", stacklevel=2)
+            warn_user(f"worker {worker} {problem}; its tasks go to other workers")
         return NotRun()
 
     def check(self) -> None:

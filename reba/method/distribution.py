@@ -147,7 +147,7 @@ def score_probabilities(
         >>> score_probabilities(posture, error={"trunk_flexion": 3.0})[0, :3].round(3).tolist()
         [0.252, 0.748, 0.0]
     """
-    table, _ = checked_poses(angles, stacklevel=5)
+    table, _ = checked_poses(angles)
     spread, chosen = MeasurementError.of(error).without(flag_columns(angles)), rules_of(rules)
     result = np.zeros((len(table), SCORES))
     for rows, of_table, activity in _blocks(table, points(Factors.of(factors), chosen, len(table)), chosen, spread):

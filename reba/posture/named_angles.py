@@ -6,7 +6,6 @@ same checks: numbers, finite, within the reach of a joint, and a warning where d
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, Literal, get_args
 
@@ -15,7 +14,7 @@ import pandas as pd
 
 from reba.arrays import Array
 from reba.checks import items_of, shown
-from reba.errors import PostureError, RadiansWarning, did_you_mean, join_names
+from reba.errors import PostureError, RadiansWarning, did_you_mean, join_names, warn_user
 from reba.posture.columns import ANGLES, COLUMNS, COLUMNS_OF, INDEX, SIDES
 from reba.posture.factors import flag
 from reba.posture.named_data import named_columns, refuse_doubtful_order
@@ -101,12 +100,11 @@ def checked_poses(
     *,
     absent: Absent = "nan",
     error: type[ValueError] = PostureError,
-    stacklevel: int = 4,
 ) -> tuple[Array, bool]:
     """Return checked angles (n, d) and whether the data are a single pose; otherwise as `angle_table`."""
     angles, single = read_angles(data, columns, absent=absent, error=error)
     check_angles(angles, columns, complete=absent == "refuse", error=error)
-    warn_if_radians(angles, columns, stacklevel=stacklevel)
+    warn_if_radians(angles, columns)
     return angles, single
 
 
@@ -323,11 +321,11 @@ def look_like_radians(angles: Array | Iterable[Array], poses: int | None = None)
     return largest > RADIANS_ABOVE
 
 
-def warn_if_radians(angles: Array, columns: Sequence[str] = COLUMNS, *, stacklevel: int = 3) -> None:
+def warn_if_radians(angles: Array, columns: Sequence[str] = COLUMNS) -> None:
     """Warn if the angles (n, d) of posture columns look like radians.
 
     Warns:
         RadiansWarning: they do.
     """
     if look_like_radians(angles) and all(column in INDEX for column in columns):
-        warnings.warn(RADIANS_TEXT, RadiansWarning, stacklevel=stacklevel)
+        warn_user(RADIANS_TEXT, RadiansWarning)

@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
-from warnings import warn
 
 import numpy as np
 import pandas as pd
 
 from reba.arrays import Array, Flags
 from reba.checks import is_number
-from reba.errors import ProfileError, RadiansWarning, ReadError
+from reba.errors import ProfileError, RadiansWarning, ReadError, warn_user
 from reba.posture.columns import COLUMNS, INDEX
 from reba.posture.named_angles import RADIANS_TEXT, look_like_radians
 from reba.posture.table import PostureTable, Quality
@@ -368,7 +367,7 @@ def _quality(
         if strict:
             raise ReadError(recording.path, RADIANS_TEXT, hint="read it without strict to use them as they are")
         warnings = [*warnings, RADIANS_TEXT]
-        warn(f"{recording.path}: {RADIANS_TEXT}", RadiansWarning, stacklevel=4)
+        warn_user(f"{recording.path}: {RADIANS_TEXT}", RadiansWarning)
     seams = tuple(seam - start for seam in match.stream.seams if time[0] < seam - start <= time[-1])
     if seams:
         times = ", ".join(f"{seam:.2f} s" for seam in seams[:3]) + (" ..." if len(seams) > 3 else "")

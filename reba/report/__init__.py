@@ -7,13 +7,12 @@ Scores -> `summary` (figures shared by all sections) -> `findings`, `sections`, 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 from reba.analysis.score_table import SCORES, ScoreTable
 from reba.checks import PATH, TEXT, YES_NO, from_home, items_of, shown
-from reba.errors import RebaError
+from reba.errors import RebaError, warn_user
 from reba.file_names import file_name, text_without_folders
 from reba.files import write_atomic, write_text
 from reba.outputs import FileOutput, check_outputs
@@ -102,9 +101,7 @@ def write_report(
         '<!DOCTYPE html>'
     """
     if isinstance(scores, str | os.PathLike):
-        warnings.warn(
-            "write_report(path, scores) is deprecated; use write_report(scores, path)", DeprecationWarning, stacklevel=2
-        )
+        warn_user("write_report(path, scores) is deprecated; use write_report(scores, path)", DeprecationWarning)
         scores, path = path, scores  # type: ignore[assignment]
     several: list[ScoreTable] = list(scores) if isinstance(scores, list | tuple) else [scores]  # type: ignore[list-item]
     if not all(SCORES.fits(each) for each in several):

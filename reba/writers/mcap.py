@@ -8,7 +8,6 @@ the log time of the message that its frame comes from, so that the file has one 
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from itertools import count
@@ -20,7 +19,7 @@ import pandas as pd
 from mcap.records import Channel, Schema
 
 from reba.arrays import Array, Indices
-from reba.errors import ReadError, join_names
+from reba.errors import ReadError, join_names, warn_user
 from reba.file_stamp import TRY_AGAIN, unchanged
 from reba.files import as_json, sha256_of
 from reba.posture.table import PostureTable
@@ -105,7 +104,7 @@ def _warn_of_others(copy: McapCopy, encoding: str, source: str) -> None:
     others = list(dict.fromkeys(copy.topics_beside(ENCODINGS[encoding][0])))
     if others:
         text = f"some topics of {source} are no ROS messages ({join_names(others, MOST_TOPICS)})"
-        warnings.warn(f"{text}; copied as they are, so that rosbags does not open the file", stacklevel=3)
+        warn_user(f"{text}; copied as they are, so that rosbags does not open the file")
 
 
 class Rows:
