@@ -133,20 +133,19 @@ def compare(a: str, b: str, as_json: bool, **values: Any) -> None:
         options = replace(options, rules=rules)
         first, second = options.read_and_score(a), options.read_and_score(b)
     echo_notes(first.postures, second.postures)
-    result = compare_scores(first, second)
-    result["a"] = {"input": a, **result["a"]}
-    result["b"] = {"input": b, **result["b"]}
     if report is not None:
         from reba.score_command import report_on
 
         report_on([first, second], report, form)
     if as_json:
-        print_json(result)
+        result = compare_scores(first, second)
+        print_json({**result, "a": {"input": a, **result["a"]}, "b": {"input": b, **result["b"]}})
     else:
         from reba.console import show_comparison
+        from reba.report.summary import summarise
         from reba.terminal import console
 
-        show_comparison(console(), result)
+        show_comparison(console(), summarise(first), summarise(second), (a, b))
 
 
 @cli.command(epilog="Example: reba explain shift.mcap --at 12.5")

@@ -8,7 +8,7 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from reba.analysis.wording import both, percentage_points, span
+from reba.analysis.wording import both, percent, span
 from reba.analysis.worksheet import Worksheet
 from reba.batch.run import RecordingResult
 from reba.method.tables import ACTION_LEVEL_FROM, ACTION_LEVELS
@@ -16,6 +16,8 @@ from reba.posture.columns import COLUMNS
 from reba.readers.info import Info
 from reba.readers.mapping import measurable_columns
 from reba.readers.recording.profile import Profile
+from reba.report.comparison import compared_figures, differing
+from reba.report.summary import RecordingSummary
 from reba.terminal import Console, Text
 
 WIDE = 120
@@ -74,9 +76,9 @@ def show_totals(console: Console, results: Iterable[RecordingResult]) -> None:
     console.print(f"{recordings} recordings, {seconds / 3600:.1f} h")
     for level, (risk, action) in enumerate(ACTION_LEVELS):
         share = levels[str(level)] / seconds if seconds else 0.0
-        console.print(Text(f"{_percent(share):>5} of the time at {risk} risk (action {action})", LEVEL_STYLES[level]))
+        console.print(Text(f"{percent(share):>6} of the time at {risk} risk (action {action})", LEVEL_STYLES[level]))
     if undetermined:
-        console.print(f"{_percent(undetermined / seconds):>5} of the time undetermined: not everything was measured")
+        console.print(f"{percent(undetermined / seconds):>6} of the time undetermined: not everything was measured")
     for text in failed[:MAX_FAILURES]:
         console.print(Text(f"failed: {text}", style="red"))
     if len(failed) > MAX_FAILURES:
@@ -104,8 +106,8 @@ def _result_table(title: str, scored: Sequence[dict[str, Any]], labels: Sequence
         table.add_column("open", justify="right", no_wrap=True)
     for number, summary in enumerate(scored):
         label = [Text(labels[number])] if labels else []
-        shares = [_percent(share) for share in summary["action_levels"].values()]
-        shares += [_percent(summary["action_level_undetermined"])] if open_share else []
+        shares = [percent(share) for share in summary["action_levels"].values()]
+        shares += [percent(summary["action_level_undetermined"])] if open_share else []
         figures = [_span(summary, key) for key in ("mean", "median", "p90")]
         held = summary["held"]
         # Earlier versions wrote datasets without the high end.
@@ -123,10 +125,6 @@ def _ends(low: float | None, high: float | None, digits: int = 0) -> str:
         return "-"
     first, second = f"{low:.{digits}f}", f"{high:.{digits}f}"
     return first if first == second else f"{first}-{second}"
-
-
-def _percent(share: float) -> str:
-    return f"{share * 100:.0f}%" if share >= 0.005 or share == 0 else "<1%"
 
 
 def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
@@ -154,9 +152,7 @@ def _with_error(summary: dict[str, Any]) -> list[str]:
     if "distribution" not in summary:
         return []
     expected = summary["distribution"]
-    reached = {
-        level: both(_percent(ends["low"]), _percent(ends["high"])) for level, ends in expected["at_least"].items()
-    }
+    reached = {level: both(percent(ends["low"]), percent(ends["high"])) for level, ends in expected["at_least"].items()}
     mean = span(expected["mean_low"], expected["mean_high"], 1)
     approximate = f"; approximate: {expected['approximate']}" if expected["approximate"] else ""
     return [
@@ -225,54 +221,25 @@ def _chances(implied: dict[str, float | None]) -> str:
     likely = implied["reba_likely"]
     first = "most likely score undetermined" if likely is None else f"most likely {likely:g}"
     reached = [
-        both(*(_percent(implied[f"p_level_{level}_{end}"] or 0.0) for end in ("low", "high")))
-        + f" {risk} risk or above"
+        both(*(percent(implied[f"p_level_{level}_{end}"] or 0.0) for end in ("low", "high"))) + f" {risk} risk or above"
         for level, risk in ((2, "medium"), (3, "high"))
     ]
     likely_range = span(implied["reba_95_low"], implied["reba_95_high"])
     return "; ".join([f"{first}, with a probability of 95 % {likely_range}", *reached])
 
 
-def show_comparison(console: Console, result: dict[str, Any]) -> None:
+def show_comparison(console: Console, a: RecordingSummary, b: RecordingSummary, names: tuple[str, str]) -> None:
     """Print two recordings side by side."""
-    a, b = result["a"], result["b"]
+    for letter, name, one in zip("ab", names, (a, b), strict=True):
+        console.print(Text(f"{letter}: {name}: {one.summary['verdict']['text']}"))
     table = Table(title="REBA, side by side", title_justify="left", header_style="bold")
-    names = [str(a["input"]), str(b["input"])]
-    for letter, one in (("a", a), ("b", b)):
-        console.print(Text(f"{letter}: {one['input']}: {one['verdict']['text']}"))
-    for name in ("", *(names if console.width >= WIDE else ("a", "b")), "change"):
-        table.add_column(Text(name), justify="left" if not name else "right", overflow="fold")
-    for key in ("mean", "median", "p90", "max"):
-        table.add_row(key, _span(a, key), _span(b, key), _change(a["range"], b["range"], key))
-    for level, (risk, _) in enumerate(ACTION_LEVELS):
-        shares = a["action_levels"][str(level)], b["action_levels"][str(level)]
-        table.add_row(f"time at {risk}", *map(_percent, shares), _points(*shares))
-    shares = a["action_level_undetermined"], b["action_level_undetermined"]
-    if any(shares):
-        table.add_row("time not determined", *map(_percent, shares), _points(*shares))
-    for part, change in result["difference"]["parts"].items():
-        means = (a["parts"][part]["mean"], b["parts"][part]["mean"])
-        if any(mean is not None for mean in means):
-            texts = ["open" if mean is None else f"{mean:.2f}" for mean in means]
-            table.add_row(part.replace("_", " "), *texts, "" if change is None else f"{change:+.2f}")
+    for name in ("", "a", "b", "change"):
+        table.add_column(name, justify="right" if name else "left", overflow="fold")
+    for row in compared_figures(a, b):
+        table.add_row(row.name, row.first, row.second, row.change)
     console.print(table)
-    for side in ("a", "b"):
-        columns = result[f"only_{side}_unmeasured"]
-        if columns:
-            name = result[side]["input"]
-            console.print(Text(f"only {name} lacks: {', '.join(short_columns(columns))}; compare the ranges with care"))
-
-
-def _points(first: float, second: float) -> str:
-    return percentage_points(second - first, second - first)
-
-
-def _change(a: dict[str, Any], b: dict[str, Any], key: str) -> str:
-    """Return the difference of two figures, from the lowest to the highest that unmeasured angles leave."""
-    if a[f"{key}_low"] is None or b[f"{key}_low"] is None:
-        return ""
-    ends = b[f"{key}_low"] - a[f"{key}_high"], b[f"{key}_high"] - a[f"{key}_low"]
-    return both(*(f"{end:+.1f}" for end in ends))
+    for text in differing(a, b):
+        console.print(Text(text))
 
 
 MAX_NAMES = 12

@@ -92,7 +92,7 @@ def _choice_finding(start: str, results: Mapping[str, Any]) -> Finding:
 
 
 def _points(share: Mapping[str, float]) -> str:
-    return percentage_points(share["low"], share["high"]).replace("-", "\N{MINUS SIGN}")
+    return percentage_points(share["low"], share["high"], 0).replace("-", "\N{MINUS SIGN}")
 
 
 def _height_finding(start: str, heights: Mapping[str, Any]) -> Finding:

@@ -13,6 +13,7 @@ from lgp.statistics.paired_tests import stars
 from lgp.study.privacy import WITH_NAMES, WITHOUT_NAMES, without_names
 from lgp.study.scoring import EXTRA, LEVELS, PARTS, SIDED, TOTAL
 from lgp.svg import INK, SOFT, error_bar, horizontal_grid, line, svg, text, ticks, vertical_title
+from reba.analysis.wording import percent
 from reba.method.tables import ACTION_LEVELS
 from reba.printable import as_markup
 from reba.report.page import template
@@ -63,7 +64,7 @@ def _mark(p: float | None) -> str:
 
 
 def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{100 * share:.0f} %"
+    return "–" if share is None else percent(share)
 
 
 COLOURS: Final = ("#1f6fa8", "#b4540a", "#7a68b5", "#2e7d4f", "#8c6d1f", "#a33b66")

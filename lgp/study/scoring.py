@@ -17,6 +17,7 @@ import pandas as pd
 from lgp.study.labels import Label, encodable
 from lgp.study.recordings import Failure, Sources
 from reba.analysis.exposure import column, distribution, durations, level_shares
+from reba.analysis.wording import percent
 from reba.arrays import Array
 from reba.batch.run import ScoringOptions
 from reba.errors import ReadError, RebaError
@@ -268,7 +269,7 @@ def _undetermined(table: pd.DataFrame) -> list[str]:
     if determined > 1.0 - 1e-9:
         return []
     return [
-        f"unmeasured angles leave the score undetermined in {1.0 - determined:.0%} of the time; over all "
+        f"unmeasured angles leave the score undetermined in {percent(1.0 - determined)} of the time; over all "
         f"possible angles the mean of all recordings lies between {low:.2f} and {high:.2f}"
     ]
 

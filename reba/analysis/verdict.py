@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reba.analysis.contributions import GROUPS, PARTS, lowered
 from reba.analysis.score_table import ScoreTable
-from reba.analysis.wording import both, moment, seconds
+from reba.analysis.wording import both, moment, percent, seconds
 from reba.arrays import Array
 from reba.errors import join_names
 from reba.method.classes import AngleClasses, angle_classes
@@ -76,7 +76,7 @@ def verdict(
     risk = both(*(ACTION_LEVELS[LEVEL_OF[end]][0] for end in p90))
     groups, causes, at_least = _causes(scores, weights, ends[0])
     if time_high[1] > 0:
-        shares = both(*(_share(end / total) for end in time_high))
+        shares = both(*(percent(end / total) for end in time_high))
         lasting = f"{both(*(_time(end) for end in time_high))} ({shares}) at REBA {HIGH} or more"
     else:
         lasting = f"no time at REBA {HIGH} or more"
@@ -109,10 +109,6 @@ def _worst(scores: ScoreTable, times: Sequence[float], high: NDArray[np.int64], 
 
 def _time(value: float) -> str:
     return f"{value:.0f} s" if 10 <= value < 120 else seconds(value)
-
-
-def _share(share: float) -> str:
-    return "<1 %" if 0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
 def _moment(time: float, total: float) -> str:

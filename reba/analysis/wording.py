@@ -57,24 +57,32 @@ def interval(start: float, end: float) -> str:
     return f"{both_seconds} to {moment(end, digits)}, {long} long"
 
 
-def percent(share: float) -> str:
-    """Return a share: "0 %", "<0.1 %", "3.4 %", "38 %", with a space that does not break.
+def percent(share: float, digits: int | None = None) -> str:
+    """Return a share: "0 %", "<0.1 %", "3.4 %", "38 %", or with a number of digits.
 
-    >>> percent(0.034)
-    '3.4\xa0%'
+    >>> percent(0.034), percent(0.38), percent(0.38, 1)
+    ('3.4 %', '38 %', '38.0 %')
     """
     if 0 < share < 0.001:
-        return "<0.1\xa0%"
-    return f"{100 * share + TIE / 100:.{0 if share == 0 or share >= 0.0995 else 1}f}\xa0%"
+        return "<0.1 %"
+    return f"{100 * share + TIE / 100:.{share_digits(share) if digits is None or share == 0 else digits}f} %"
 
 
-def percentage_points(low: float, high: float) -> str:
+def share_digits(*shares: float) -> int:
+    """Return the digits of shares that stand beside each other [%]: one if any is below a tenth.
+
+    >>> share_digits(0.3, 0.0), share_digits(0.3, 0.098)
+    (0, 1)
+    """
+    return int(any(0 < share < 0.0995 for share in shares))
+
+
+def percentage_points(low: float, high: float, digits: int) -> str:
     """Return a difference of shares, or both ends of its range, as text.
 
-    >>> percentage_points(0.318, 0.318), percentage_points(-0.005, 0.0213)
+    >>> percentage_points(0.318, 0.318, 0), percentage_points(-0.005, 0.0213, 1)
     ('+32 percentage points', '-0.5 to +2.1 percentage points')
     """
-    digits = 0 if max(abs(low), abs(high)) >= 0.0995 else 1
     ends = (f"{100 * end:+.{digits}f}" for end in (low, high))
     shown = (end.lstrip("+-") if not float(end) else end for end in ends)
     return f"{both(*shown)} percentage points"

@@ -32,8 +32,10 @@ function seconds(value) {
   return value === null || value === undefined ? "" : `${value.toFixed(1)} s`;
 }
 
+// As the report writes shares (reba/analysis/wording.py).
 function percent(share) {
-  return `${(100 * share).toFixed(1)} %`;
+  if (share > 0 && share < 0.001) return "<0.1 %";
+  return `${(100 * share + 1e-6).toFixed(share && share < 0.0995 ? 1 : 0)} %`;
 }
 
 function list(title, items) {

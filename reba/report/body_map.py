@@ -52,7 +52,7 @@ class UpperShare:
     def text(self) -> str:
         """The share as text."""
         low, high = percent(self.low), percent(self.high)
-        unit = "\xa0%"
+        unit = " %"
         return low if low == high else f"{low.removesuffix(unit)} to {high}"
 
 

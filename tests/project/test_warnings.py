@@ -33,7 +33,7 @@ def test_a_recording_in_radians_is_told_where_it_is_read(tmp_path: Path) -> None
 def test_other_warnings_are_told_there_too(tmp_path: Path) -> None:
     frames = pd.DataFrame({"time": [0.0, 1.0], "trunk_flexion": [10.0, 70.0]})
     scores = reba.score(frames)
-    with pytest.warns(DeprecationWarning) as caught:
+    with pytest.warns(DeprecationWarning, match="write_report") as caught:
         reba.write_report(tmp_path / "report.html", scores)
     assert caught[0].filename == __file__
     ignorant = dreba.KINDS["quadratic"]().fit(np.eye(22) * 30.0, np.arange(22) % 4 + 1.0)

@@ -188,8 +188,8 @@ def test_compare_shows_the_difference(run: Run) -> None:
     assert result["difference"]["range"]["mean_low"] == 0.0
     code, out, _ = run("compare", ASSEMBLY, PALLETS)
     assert code == 0
-    assert "time at medium" in out
-    assert re.search(r"time at medium .*[+-]\d+ percentage points", out)
+    assert "At medium risk" in out
+    assert re.search(r"At medium risk .*[+−]\d+", out)
 
 
 def test_info_and_profiles(run: Run) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import reba
@@ -27,7 +27,7 @@ from reba.posture.skeleton import LIMBS, VIEWS, joints, stick_figure
 from reba.posture.table import Quality, table_of
 from reba.report import render, write_report
 from reba.report.body_map import upper_shares
-from reba.report.comparison import compared_figures, differing
+from reba.report.comparison import _TIMES, _figure, _rounded, _shares, compared_figures, differing
 from reba.report.error_section import error_section
 from reba.report.explorer import cursor_frames
 from reba.report.findings import worst_intervals
@@ -229,7 +229,7 @@ def test_gravity_sitting_and_columns_as_factors() -> None:
     text = _Page(render([reba.score(data, rules=rules)])).text
     assert "against the vertical" in text
     assert "0 to 12" in text or "0.0 to 12.0" in text
-    assert "sitting 50\xa0%" in text.replace(" 50 %", " 50\xa0%")
+    assert "sitting 50 %" in text
     assert "left side" in text
 
 
@@ -550,12 +550,13 @@ def test_a_comparison_has_every_figure_with_what_is_open() -> None:
             getattr(row, place) for name, row in rows.items() if name.startswith("At ") or name == "Not determined"
         ]
         certain = [text.partition(" to ")[0] for text in levels]
-        shares = [float(text.replace("<", "").removesuffix("\xa0%")) for text in certain]
+        shares = [float(text.replace("<", "").removesuffix(" %")) for text in certain]
         assert sum(shares) == pytest.approx(100, abs=1.5)
-    assert float(rows["Not determined"].first.removesuffix("\xa0%")) > 0
+    assert float(rows["Not determined"].first.removesuffix(" %")) > 0
     assert any(" to " in rows[f"At {name} risk"].first for name in ("low", "medium", "high"))
     ends = [one.summary["range"] for one in (a, b)]
-    low, high = ends[1]["mean_low"] - ends[0]["mean_high"], ends[1]["mean_high"] - ends[0]["mean_low"]
+    a_low, a_high, b_low, b_high = (round(one[f"mean_{end}"], 2) for one in ends for end in ("low", "high"))
+    low, high = b_low - a_high, b_high - a_low
     assert low < 0 < high
     assert rows["REBA, mean"].change == f"−{-low:.2f} to +{high:.2f}"
     assert rows["REBA, mean"].better == 0, "the ranges overlap"
@@ -575,6 +576,22 @@ def test_fewer_seconds_of_a_shorter_recording_are_not_better() -> None:
     seconds = rows["Time at REBA 8 or more"]
     assert seconds.change.startswith("−")
     assert seconds.better == 0
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4))
+def test_a_difference_is_that_of_the_numbers_that_are_shown(shares: list[float]) -> None:
+    a, b = sorted(shares[:2]), sorted(shares[2:])
+
+    def numbers(text: str) -> list[float]:
+        found = re.findall(r"[+−]?[0-9.]+", text)
+        return [float(number.replace("−", "-")) for number in (found * 2)[:2]]
+
+    for kind, factor in ((_shares(a, b), 1.0), (_rounded(2), 15.0), (_rounded(0), 15.0), (_TIMES, 50.0)):
+        ends = [tuple(factor * end for end in one) for one in (a, b)]
+        row = _figure("", *ends, kind)
+        assume("<" not in row.first + row.second)
+        first, second, change = (numbers(text) for text in (row.first, row.second, row.change))
+        assert change == pytest.approx([second[0] - first[1], second[1] - first[0]], abs=1e-6)
 
 
 def test_what_makes_a_comparison_hard_is_said() -> None:
