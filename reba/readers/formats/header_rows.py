@@ -52,7 +52,7 @@ def names_of_rows(lines: Sequence[str], separator: str) -> tuple[list[str], int]
         else:
             names.append(axis or next((row[column] for row in reversed(above) if row[column]), ""))
     used = at + 1
-    if used < len(rows) and rows[used][0] and not any(rows[used][1:]):
+    if used < len(rows) and any(rows[used][:1]) and not any(rows[used][1:]):
         names[0] = rows[used][0]
         used += 1
     return names, used

@@ -125,7 +125,7 @@ def take_time(
     extra: Array = np.zeros(len(values))
     if nanoseconds is not None:
         extra = np.asarray(_as_numbers(path, frame, nanoseconds, where)[0], dtype=np.float64) * 1e-9
-    typical = np.median(valid)
+    typical = np.sort(valid)[len(valid) // 2]  # one of them: two may be centuries apart
     start = valid[np.abs(valid - typical) * unit < CENTURY][0]
     if abs(float(start)) * unit < ABSOLUTE:
         return values * unit + extra, 0.0, [column, *([nanoseconds] if nanoseconds else [])]

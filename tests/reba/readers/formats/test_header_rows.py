@@ -137,3 +137,10 @@ def test_a_long_table_calls_its_points_joint_name_and_gaps_missing(tmp_path: Pat
     np.testing.assert_allclose(
         measured.data["knee_flexion_left"][kept], expected.data["knee_flexion_left"][kept], atol=1e-6
     )
+
+
+def test_a_blank_line_below_the_axes_names_nothing() -> None:
+    rows = [",,Hip,Hip,Hip,Knee,Knee,Knee,Foot,Foot,Foot,Toe,Toe,Toe", "Frame,Time" + 4 * ",X,Y,Z"]
+    plain = names_of_rows([*rows, "0,0.0,1,2,3"], ",")
+    assert plain is not None
+    assert names_of_rows([*rows, "", "0,0.0,1,2,3"], ",") == plain
