@@ -303,7 +303,8 @@ class PathSolver:
             problem = self.problem_of(problem.phases)(active)
             violation = violation_max(*problem.evaluate(x)[1:])
         if violation > self.tolerance:
-            return None, f"path: {explain_infeasibility(problem, x) or result.status.value}"
+            why = explain_infeasibility(problem, x) or "no motion keeps all constraints; try longer phases"
+            return None, f"path: {why}"
         # Steps of 1e-310 rad are none: those who interpolate a path divide by them.
         path, variables = problem.split(np.clip(np.round(x, DIGITS), problem.lower, problem.upper))
         # Active constraints are found again by whoever starts from here.
