@@ -28,15 +28,34 @@ def accounts_of(
     """
     _name_other_bodies(match, log)
     result = [{"stream": match.stream.name, **log.account(), "seconds": _seconds(match.stream, seconds)}]
+    result += _of_static(match.stream, seconds, used=True)
     for stream in recording.streams:
         if not _same_rows(stream, match.stream):
             read = stream.total or max(stream.messages.values(), default=stream.count or 0)
-            account = {"read": read, "used": 0, "not_used": {"other_stream": read} if read else {}}
+            account = _not_used(read)
             if stream.kind == "frames" and stream.name in frames:
                 account = frames[stream.name].account()
             used = seconds if account["used"] else 0.0
             result.append({"stream": stream.name, **account, "seconds": _seconds(stream, used)})
+            result += _of_static(stream, used, used=bool(account["used"]))
     return tuple(result)
+
+
+def _of_static(stream: Stream, seconds: float, *, used: bool) -> list[dict[str, Any]]:
+    """Return the accounts of static transforms, which hold as long [s] as their stream is used."""
+    return [
+        {
+            "stream": topic,
+            **(log.account() if used else _not_used(log.messages)),
+            "seconds": {"read": round(seconds, 3), "used": round(seconds, 3)},
+            "static": True,
+        }
+        for topic, log in stream.static.items()
+    ]
+
+
+def _not_used(read: int) -> dict[str, Any]:
+    return {"read": read, "used": 0, "not_used": {"other_stream": read} if read else {}}
 
 
 def _same_rows(stream: Stream, other: Stream) -> bool:
@@ -77,6 +96,8 @@ def of_interval(account: dict[str, Any], inside: int, seconds: float) -> dict[st
     >>> of_interval(account, 20, 0.4)["not_used"]
     {'repeated_time': 1, 'outside_interval': 29}
     """
+    if account.get("static"):  # what holds is used wherever the interval is
+        inside = account["used"]
     outside = account["used"] - inside
     return {
         **account,

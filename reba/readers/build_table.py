@@ -360,7 +360,9 @@ def _quality(
     beside = {} if pelvis is None else {pelvis.stream: pelvis.log}
     accounts = accounts_of(recording, match, log, float(time[-1] - time[0]), beside)
     if strict:
-        refuse_losses(recording.path, accounts[0], log)
+        for account in accounts:
+            if account is accounts[0] or account["stream"] in match.stream.static:
+                refuse_losses(recording.path, account, match.stream.static.get(account["stream"], log))
     warnings = [*warnings, *account_warnings(accounts[0])]
     frozen = frozen_warning(time, _equal(frames))
     if radians or look_like_radians((rows[:, 1:] for rows in blocks(frames)), len(frames)):

@@ -64,6 +64,7 @@ class Contents:
         tracks: `id` of a channel -> its track; channels of static transforms have none.
         presence: kind and group of channels -> when their names and parents are there.
         static: kind and group of channels -> pieces of static transforms.
+        static_logs: topic of static transforms -> its reading.
         clocks: by `clock_name`; channels without messages have none.
         start: earliest log time [ns].
         warnings: for the user.
@@ -104,6 +105,7 @@ class Contents:
         self.tracks: dict[int, Track] = {}
         self.presence: dict[tuple[str, str], Presences] = {}
         self.static: dict[tuple[str, str], list[Piece]] = {}
+        self.static_logs: dict[str, ReadLog] = {}
         self.warnings: list[str] = []
         self.lost: list[str] = []
         self._places: dict[tuple[int, int], Place] = {}
@@ -190,13 +192,16 @@ class Contents:
 
     def take(self, part: DecodableChannel, segment: ChunkRef, decoder: Decoder) -> int:
         """Decode the messages of a channel in a segment, and return how many they are."""
-        track = self.tracks.get(id(part), Track())
+        if part.static:
+            log = self.static_logs.setdefault(part.topic, ReadLog())
+            batch = batch_of(part.container, segment, part.channel, log.messages)
+            self.static.setdefault((part.kind, part.group), []).extend(decoder.decode(batch, log))
+            log.messages += len(batch.times)
+            return len(batch.times)
+        track = self.tracks[id(part)]
         first = track.trace.count
         batch = batch_of(part.container, segment, part.channel, first)
         pieces = decoder.decode(batch, track.log)
-        if part.static:
-            self.static.setdefault((part.kind, part.group), []).extend(pieces)
-            return len(batch.times)
         stamps = np.full(len(batch.times), NO_STAMP)
         for piece in reversed(pieces):
             stamps[piece.number - first] = piece.stamp

@@ -263,6 +263,7 @@ class StreamReader:
             messages=header.messages,
             join=partial(self._joined, name),
             reader=self,
+            static=self._static(),
         )
 
     def _joined(self, name: str, renamed: Mapping[str, str], streams: Sequence[Stream]) -> Stream:
@@ -309,9 +310,18 @@ class StreamReader:
             log.skip(track.log.skipped, track.log.first_skipped or "")
             for warning in track.log.warnings:
                 log.warn(warning)
+        for topic, static in self._static().items():
+            if static.skipped:
+                what = f"{static.skipped} of {static.messages} messages of {topic} cannot be decoded"
+                log.warn(f"{what}, the first: {static.first_skipped}")
         log.time_why = self._header.clock.why
         for warning in (*self._opened.warnings, *self._contents.warnings, *self._header.warnings):
             log.warn(warning)
+
+    def _static(self) -> dict[str, ReadLog]:
+        """Return the reading of each topic of static transforms."""
+        topics = dict.fromkeys(part.topic for part in self._parts if part.static)
+        return {topic: log for topic in topics if (log := self._contents.static_logs.get(topic)) is not None}
 
     def _tracks(self) -> list[Track]:
         """Return the tracks of the channels, each once."""

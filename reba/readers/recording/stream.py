@@ -190,6 +190,7 @@ class Stream:
         follow: makes the decoder of a recording that is still being written (MCAP), see `reba.live`.
         logged: log and publish times [ns] of the messages that rows come from, by their (n,) increasing times [s] and
             the signals that they were made of.
+        static: topic of transforms that hold until the next one -> its reading.
         table: angles only: the complete table, `time` in seconds since `epoch`, text and bool factor columns included.
     """
 
@@ -213,6 +214,7 @@ class Stream:
     join: Callable[[Mapping[str, str], Sequence[Stream]], Stream] | None = None
     reader: Any = None
     logged: LogTimes | None = None
+    static: Mapping[str, ReadLog] = field(default_factory=dict)
 
     @property
     def topics(self) -> list[str]:

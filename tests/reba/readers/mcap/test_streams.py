@@ -8,6 +8,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,11 @@ import numpy as np
 import pytest
 
 from reba.errors import ReadError
+from reba.readers.accounts import accounts_of, of_interval
 from reba.readers.mcap import contents, open_mcap
 from reba.readers.mcap.container import Container
 from reba.readers.mcap.merge import HOLD, MOST_SIGNALS
+from reba.readers.recognise import Match
 from reba.readers.recording.stream import Block, ReadLog, Recording
 from tests.support import hostile_mcap as hostile
 from tests.support import mcap_builder as make
@@ -109,6 +112,29 @@ def test_one_message_per_frame_with_static_transforms(tmp_path: Path) -> None:
     np.testing.assert_array_equal(block.values[:, 3], np.tile(fixed, (700, 1)))
     assert log.time_source == "header.stamp"
     assert log.warnings == []
+
+
+def test_static_transforms_are_accounted_for_and_damaged_ones_told(tmp_path: Path) -> None:
+    values = poses(50, 1)
+    stamps = [EPOCH_NS + at * STEP_NS for at in range(50)]
+    rows = [(1, stamp, tf_message(transform(stamp, "world", "s0", values[at, 0]))) for at, stamp in enumerate(stamps)]
+    fixed = tf_message(transform(stamps[0], "s0", "sensor", values[0, 0]))
+    rows += [(2, stamps[0], fixed), (2, stamps[20], fixed[:-30]), (2, stamps[30], fixed)]
+    opened = write(tmp_path / "tf.mcap", rows, c1=("/tf", TF), c2=("/tf_static", TF))
+    log = ReadLog()
+    joined(opened, log)
+    assert len(log.warnings) == 1
+    says(log.warnings[0], "1 of 3 messages of /tf_static cannot be decoded")
+    (stream,) = opened.streams
+    match = Match(stream, None)
+    main, static = accounts_of(opened, match, log, 0.98, {})
+    assert (main["stream"], main["read"], main["used"]) == ("/tf", 50, 50)
+    assert static == {"stream": "/tf_static", "read": 3, "used": 2, "not_used": {"undecodable": 1},
+                      "seconds": {"read": 0.98, "used": 0.98}, "static": True}  # fmt: skip
+    assert of_interval(static, 0, 0.2)["used"] == 2
+    other = replace(stream, name="/other", static={})
+    beside = accounts_of(opened, Match(other, None), ReadLog(), 0.98, {})[-1]
+    assert beside["not_used"] == {"other_stream": 3}
 
 
 @pytest.mark.parametrize("stamped", [True, False])
