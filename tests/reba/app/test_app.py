@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 import reba
+from reba.analysis.wording import percent
 from reba.app.recordings import Recordings
 from reba.app.server import AppServer
 from reba.errors import RebaError
@@ -237,7 +238,7 @@ def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
         assert "90th percentile" in text
         summary = reba.score(reba.read(RECORDING), load=0).summary()
         assert text.startswith(summary["verdict"]["text"])
-        low, high = (f"{100 * end / summary['seconds']:.1f} %" for end in summary["verdict"]["high_seconds"])
+        low, high = (percent(end / summary["seconds"]) for end in summary["verdict"]["high_seconds"])
         assert low != high
         assert f"{low} to {high}" in text
         browser.find_element("id", "compare").click()
