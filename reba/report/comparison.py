@@ -62,7 +62,7 @@ def _shares(*ends: Ends) -> _Kind:
     digits = share_digits(*(share for both_ends in ends for share in both_ends))
     return _Kind(
         partial(percent, digits=digits),
-        lambda share: round(share, digits + 2),
+        lambda share: round(share + TIE / 1e4, digits + 2),
         lambda low, high: percentage_points(low, high, digits).replace("-", MINUS),
     )
 

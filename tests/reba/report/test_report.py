@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reba
@@ -578,7 +578,7 @@ def test_fewer_seconds_of_a_shorter_recording_are_not_better() -> None:
     assert seconds.better == 0
 
 
-@given(st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4))
+@given(st.lists(st.integers(0, 1000).map(lambda share: share / 1000), min_size=4, max_size=4))
 def test_a_difference_is_that_of_the_numbers_that_are_shown(shares: list[float]) -> None:
     a, b = sorted(shares[:2]), sorted(shares[2:])
 
@@ -589,7 +589,6 @@ def test_a_difference_is_that_of_the_numbers_that_are_shown(shares: list[float])
     for kind, factor in ((_shares(a, b), 1.0), (_rounded(2), 15.0), (_rounded(0), 15.0), (_TIMES, 50.0)):
         ends = [tuple(factor * end for end in one) for one in (a, b)]
         row = _figure("", *ends, kind)
-        assume("<" not in row.first + row.second)
         first, second, change = (numbers(text) for text in (row.first, row.second, row.change))
         assert change == pytest.approx([second[0] - first[1], second[1] - first[0]], abs=1e-6)
 
