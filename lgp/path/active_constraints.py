@@ -71,8 +71,8 @@ class MotionConstraints:
         return violated
 
     def keep_more_around(self, q: Array, z: Array) -> int:
-        """Let bodies keep more around places where they are in each other between the points of a path (T, nq) that
-        are rows; return how many these are."""
+        """Let bodies keep more where a path (T, nq) has them in each other between two constrained points; return at
+        how many points."""
         return 0 if self.collisions is None else self.collisions.keep_more_around(q, z)
 
     def blocks(self, tail: int) -> Blocks:
