@@ -71,8 +71,9 @@ def too_wide(run: Replay, model: AgentModel) -> Iterator[str]:
         for span in _has(run, hand):
             width, opened = _width(run, jaws, span, span.begin or 0), jaws.gaps[1]
             if width > opened + TOUCHING:
-                wide = f"{100 * width:.1f} cm wide across them and they open {100 * opened:.1f} cm"
-                yield f"whether the jaws of {hand} can hold {span.second}: it is {wide}"
+                wide = f"it is {100 * width:.1f} cm wide across them and they open {100 * opened:.1f} cm"
+                how = "the freedom of the hand and the grips of the object say how it is taken"
+                yield f"whether the jaws of {hand} can hold {span.second}: {wide}; {how}"
 
 
 def _has(run: Replay, hand: str) -> list[Span]:

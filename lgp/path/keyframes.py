@@ -38,6 +38,9 @@ PREFIX: Final = "prefix_sequence"
 """Level of incomplete sequences: the configurations at all their switches, under the constraints of all."""
 PREFIX_OPTIONS = replace(SEQUENCE_OPTIONS, kkt=1e-3, decrease=1e-4, iterations=40)
 """The last digits of a bound exclude nothing."""
+PREFIX_STARTS = 16
+"""Random starts of a prefix: from one guess alone, where grips leave few ways to turn, its cost was a third above the
+least, and no bound (a choice)."""
 PREFIX_TOLERANCE = 2e-3
 """Share of its cost by which a prefix may be above its minimum (0.12 % seen in the toolbox): its bound is lower."""
 POSE_OPTIONS = replace(SEQUENCE_OPTIONS, longest_step=0.6, iterations=25)
@@ -161,6 +164,10 @@ class KeyframeSolver:
         after = first if before is None else np.concatenate([before.keyframes, first[-1:]])
         if level == PREFIX:
             always, restarts = self._initial_guesses(after)
+            if self.many_starts:
+                solved = ManyStarts(problem, PREFIX_STARTS).minima(np.array([self._point(problem, always[0])]))
+                restarts = [*always[:1], *restarts] if len(solved.points) else restarts
+                always = [problem.join(*problem.split(x)) for x in solved.points[:1]] or always
             result, reason = self._solve(problem, always[:1], restarts, PREFIX_OPTIONS)
             if result is None:
                 return None, f"sequence: {reason}"

@@ -87,8 +87,8 @@ class _ScoredKeyframes:
 class ManyStarts:
     """The sequence problem `problem` on the joints that act."""
 
-    def __init__(self, problem: PathProblem) -> None:
-        self.problem = problem
+    def __init__(self, problem: PathProblem, count: int = STARTS) -> None:
+        self.problem, self._count = problem, count
         self.nq, knots = problem.world.nq, len(problem.knots)
         acting = self._acting()
         self.columns = np.concatenate(
@@ -280,7 +280,7 @@ class ManyStarts:
         """Return random starts (S, N), points of the sequence problem, fewer of larger problems."""
         problem, knots, phase_of = self.problem, len(self.problem.knots), self.problem.phases.phase_of
         size = self.n + sum(int(rows.kept.sum()) for rows in self._rows)
-        count = int(STARTS * min(1.0, (LARGE / size) ** 2))
+        count = int(self._count * min(1.0, (LARGE / size) ** 2))
         rng = np.random.default_rng(seed)
         q = np.tile(problem.initial_configuration, (count, knots, 1))
         q += rng.uniform(*RADII, (count, 1, 1)) * (rng.uniform(problem.world.lower, problem.world.upper, q.shape) - q)
