@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -36,27 +38,41 @@ def show_results(console: Console, results: Sequence[RecordingResult]) -> None:
     """Print one line per recording, then unmeasured angles, assumptions, warnings and rules."""
     scored = [result.summary for result in results if result.summary is not None]
     if scored:
+        names = _names([summary["input"] for summary in scored])
         # The figures need 80 columns: in a narrow terminal a number stands in the table for the name.
-        for number, summary in enumerate(scored, 1):
-            name = f"{summary['input']}: "
-            label = "" if len(scored) == 1 else f"{number}: {name}" if console.width < WIDE else name
+        labels = [str(number) for number in range(1, len(scored) + 1)] if console.width < WIDE else names
+        for number, summary in enumerate(scored):
+            name = f"{names[number]}: "
+            label = "" if len(scored) == 1 else f"{number + 1}: {name}" if console.width < WIDE else name
             verdict = summary["verdict"]["text"] if "verdict" in summary else ""  # missing in older datasets
             if label or verdict:
                 console.print(Text(f"{label}{verdict}".removesuffix(": "), "bold"))
         if len(scored) == 1:
             console.print(_result_table(f"REBA of {scored[0]['input']}", scored, []))
-        elif console.width < WIDE:
-            console.print(_result_table("REBA", scored, [str(number + 1) for number in range(len(scored))]))
         else:
-            console.print(_result_table("REBA", scored, [summary["input"] for summary in scored]))
-    if scored:
+            console.print(_result_table("REBA", scored, labels))
         risks = ", ".join(f"{scores} {risk}" for scores, (risk, _) in zip(LEVEL_SCORES, ACTION_LEVELS, strict=True))
         console.print(Text(f"for 1 s: highest score sustained for a second; share of time at REBA {risks} risk"))
-    for line in _notes(scored):
-        console.print(Text(line))
+        for line in _notes(scored, labels):
+            console.print(Text(line))
     for result in results:
         if result.error is not None:
             console.print(Text(f"failed: {result.error}", style="red"))
+
+
+def _names(inputs: Sequence[str]) -> list[str]:
+    """Return the paths of recordings without the folder that is common to all.
+
+    >>> _names(["data/a/1.csv", "data/2.csv"])
+    ['a/1.csv', '2.csv']
+    >>> _names(["data/1.csv"])
+    ['data/1.csv']
+    """
+    places = [Path(name).absolute() for name in inputs]
+    if len(places) == 1:
+        return list(inputs)
+    common = os.path.commonpath([place.parent for place in places])
+    return [str(place.relative_to(common)) for place in places]
 
 
 def show_totals(console: Console, results: Iterable[RecordingResult]) -> None:
@@ -127,11 +143,10 @@ def _ends(low: float | None, high: float | None, digits: int = 0) -> str:
     return first if first == second else f"{first}-{second}"
 
 
-def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
+def _notes(scored: Sequence[dict[str, Any]], labels: Sequence[str]) -> list[str]:
     """Return unmeasured angles, assumptions, warnings and rules; a note that applies to all recordings stands once."""
-    summaries = list(scored)
     lines: dict[str, list[str]] = {}
-    for summary in summaries:
+    for label, summary in zip(labels, scored, strict=True):
         notes = []
         if summary["unmeasured"]:
             notes.append(
@@ -143,8 +158,8 @@ def _notes(scored: Iterable[dict[str, Any]]) -> list[str]:
         notes += _with_error(summary)
         notes.append(f"rules: {summary['rules']['name']}; profile: {summary['profile']}")
         for note in notes:
-            lines.setdefault(note, []).append(summary["input"])
-    return [note if len(inputs) == len(summaries) else f"{', '.join(inputs)}: {note}" for note, inputs in lines.items()]
+            lines.setdefault(note, []).append(label)
+    return [note if len(of) == len(scored) else f"{', '.join(of)}: {note}" for note, of in lines.items()]
 
 
 def _with_error(summary: dict[str, Any]) -> list[str]:

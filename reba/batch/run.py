@@ -13,13 +13,13 @@ from typing import Any, Final
 from reba.batch.manifest import LOCK, MANIFEST, PARTITION
 from reba.batch.parallel import run_parallel
 from reba.batch.worker_pool import WorkerDied
-from reba.errors import RebaError
+from reba.errors import RebaError, warn_user
 from reba.method.measurement_error import MeasurementError
 from reba.method.rules import Rules, rules_of
 from reba.method.scoring import Missing
 from reba.open_file import read_settings
 from reba.outputs import FileOutput, FolderOutput, check_outputs
-from reba.readers import is_recording, is_recording_folder, read
+from reba.readers import is_recording, is_recording_folder, may_be_recording, read
 from reba.readers.formats.score_file import is_score_file
 from reba.readers.recording.profile import Profile, find_profile
 from reba.recording_folder import entries_of
@@ -29,6 +29,8 @@ from reba.writers import SUFFIXES, table_output, write_scores
 
 SCORED_SUFFIX: Final = ".scores.parquet"
 """Ending of score tables that versions before datasets wrote beside recordings; not taken as recordings."""
+NAMED: Final = 3
+"""Files that a warning names."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,8 @@ def find_inputs(names: Sequence[str]) -> list[str]:
 
     A folder that is itself one recording (a rosbag2 folder of splits) is one input; any other folder gives the
     recordings in it at any depth, except score tables. A folder in it that cannot be read is an input as well, as is
-    a recording that cannot be read: scoring it is an error that names it.
+    a recording that cannot be read: scoring it is an error that names it. Of tables and workbooks that are no
+    recordings there is one warning.
 
     Raises:
         RebaError: a path does not exist, or a folder contains no recording.
@@ -123,21 +126,27 @@ def find_inputs(names: Sequence[str]) -> list[str]:
         try:
             if not name or not path.exists():
                 raise RebaError(f"{name or 'an empty name'}: there is no such file or folder; check the path")
-            recordings = _recordings_in(path) if path.is_dir() else [path]
+            recordings, others = _recordings_in(path) if path.is_dir() else ([path], [])
         except OSError as error:
             raise RebaError(f"{error.filename or name}: {error.strerror or error}; give readable files") from error
         if not recordings:
             raise RebaError(f"{name}: the folder contains no recording; `reba info FILE` says why a file is not one")
+        if others:
+            more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+            listed = ", ".join(str(other.relative_to(path)) for other in others[:NAMED])
+            warn_user(f"{name}: left out as no recordings: {listed}{more}; `reba info FILE` says why")
         inputs.update(dict.fromkeys([name] if recordings == [path] else map(str, recordings)))
     return list(inputs)
 
 
-def _recordings_in(top: Path) -> list[Path]:
-    """Return the recordings below a folder or the folder itself, sorted, with the folders that cannot be read.
+def _recordings_in(top: Path) -> tuple[list[Path], list[Path]]:
+    """Return the recordings below a folder or the folder itself, with the folders that cannot be read, and the files
+    that have a name as recordings have and are none; both sorted.
 
     Each real folder is entered once, however many links name it.
     """
     recordings: list[Path] = []
+    others: list[Path] = []
     entered: set[tuple[int, int]] = set()
     folders, links = [top], deque[Path]()
     while folders or links:
@@ -155,11 +164,13 @@ def _recordings_in(top: Path) -> list[Path]:
                         continue
                     if path.is_dir():
                         (links if path.is_symlink() else folders).append(path)
-                    elif is_recording(path) and not is_score_file(path):
-                        recordings.append(path)
+                    elif is_recording(path):
+                        recordings += [] if is_score_file(path) else [path]
+                    elif may_be_recording(path):
+                        others.append(path)
         except OSError:  # whoever reads the folder as a recording gets the error
             recordings.append(folder)
-    return sorted(recordings)
+    return sorted(recordings), sorted(others)
 
 
 def scores_output(output: str) -> FileOutput | FolderOutput:

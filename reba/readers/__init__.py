@@ -47,6 +47,11 @@ def is_recording(path: Path) -> bool:
     return formats.is_recording(path)
 
 
+def may_be_recording(path: Path) -> bool:
+    """Return whether a file has a name as recordings have, tables and workbooks included."""
+    return formats.may_be_recording(path)
+
+
 @accepts(RebaError, **READING)
 def read(
     path: Paths,

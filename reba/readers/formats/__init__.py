@@ -65,6 +65,8 @@ FORMATS: tuple[Format, ...] = (
     Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table", True),
 )
 """Formats beside MCAP and ROS bags, those with the most certain first bytes first."""
+MOTION_ENDINGS: frozenset[str] = frozenset((".mcap", ".bag", ".c3d", ".bvh", ".mot", ".sto", ".trc", ".mvnx"))
+"""Endings of recordings alone: such a file that is damaged from its first byte on is a damaged recording."""
 PACKED: tuple[bytes, ...] = (b"\x89MCAP", b"PAR1", b"PK\x03\x04", GZIP)
 """First bytes of formats that are packed themselves, which are not read from gzip."""
 
@@ -130,6 +132,9 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
     named = next((known for known in FORMATS if name.suffix.lower() in known.extensions), None)
     if named is not None and (head or packed):
         return named.open(place, rate)
+    if head and name.suffix.lower() in MOTION_ENDINGS:
+        what = f"its first bytes are not those of a {name.suffix.lower()} file, so it is damaged or has a wrong name"
+        raise ReadError(place, what, hint="record or export it again, or give the file the ending of its format")
     if head:
         refuse_by_name(place)
     what = "the file is empty" if not head else "the format is unknown"
@@ -177,10 +182,13 @@ def _with_record(recording: Recording) -> Recording:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file is a recording by its name and its first bytes; by its name if it cannot be opened."""
+    """Return whether a file is a recording by its name and its first bytes; by its name if it cannot be opened, and
+    where only recordings have such a name."""
     if not path.is_file():
         return False
     name = unpacked_name(path)
+    if name.suffix.lower() in MOTION_ENDINGS:
+        return True
     named = [known for known in FORMATS if name.suffix.lower() in known.extensions]
     try:
         open_regular(path).close()
@@ -192,6 +200,11 @@ def is_recording(path: Path) -> bool:
     except OSError:
         return bool(named) or is_split(path.name)
     return any(known.fits(name, head) for known in named)
+
+
+def may_be_recording(path: Path) -> bool:
+    """Return whether recordings have names as that of a file."""
+    return path.is_file() and any(unpacked_name(path).suffix.lower() in known.extensions for known in FORMATS)
 
 
 def file_hash(path: str | Path) -> str:

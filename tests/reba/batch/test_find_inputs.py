@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from reba.batch.run import access_probe, find_inputs
+from reba.batch.run import ScoringOptions, access_probe, find_inputs, score_many
 from tests.support.permissions import run_heeding
 
 TABLE = "time,trunk_flexion,neck_flexion\n0,10,5\n1,70,5\n"
@@ -82,3 +82,29 @@ def test_a_worker_is_checked_with_a_recording_that_can_be_read_here(tmp_path: Pa
     assert probe is not None
     assert probe() == ""
     assert access_probe([str(tmp_path / "absent")]) is None
+
+
+@pytest.mark.parametrize("name", ["shift.mcap", "shift.bag", "shift.bvh", "shift.c3d", "shift.mvnx", "shift.mot.gz"])
+@pytest.mark.parametrize("content", [b"", b"\0" * 500, b"no recording"])
+def test_a_recording_damaged_from_its_first_byte_on_is_a_failed_input(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    (tmp_path / "good.csv").write_text(TABLE)
+    found = find_inputs([str(tmp_path)])
+    assert sorted(found) == [str(tmp_path / "good.csv"), str(tmp_path / name)]
+    failed = [one for one in score_many(found, None, ScoringOptions()) if one.error]
+    assert [one.input for one in failed] == [str(tmp_path / name)]
+
+
+def test_workbooks_that_are_no_recordings_are_named_once(tmp_path: Path) -> None:
+    (tmp_path / "good.csv").write_text(TABLE)
+    for number in range(5):
+        (tmp_path / f"notes{number}.xlsx").write_bytes(b"no workbook")
+    (tmp_path / "photo.jpg").write_bytes(b"\xff\xd8")
+    with pytest.warns(UserWarning, match="left out") as told:
+        assert find_inputs([str(tmp_path)]) == [str(tmp_path / "good.csv")]
+    assert [str(one.message) for one in told] == [
+        f"{tmp_path}: left out as no recordings: notes0.xlsx, notes1.xlsx, notes2.xlsx and 2 more; "
+        "`reba info FILE` says why"
+    ]
