@@ -65,8 +65,16 @@ FORMATS: tuple[Format, ...] = (
     Format("posture or joint table", (".csv", ".tsv", ".parquet"), "reba.readers.formats.table", "open_table", True),
 )
 """Formats beside MCAP and ROS bags, those with the most certain first bytes first."""
-PACKED: tuple[bytes, ...] = (b"\x89MCAP", b"PAR1", b"PK\x03\x04", GZIP)
-"""First bytes of formats that are packed themselves, which are not read from gzip."""
+PACKED: tuple[bytes, ...] = (
+    b"\x89MCAP",
+    b"PAR1",
+    b"PK\x03\x04",
+    GZIP,
+    b"#ROSBAG",
+    b"SQLite format 3",
+    b"\x28\xb5\x2f\xfd",
+)
+"""First bytes of formats that are packed themselves or read in parts, which are not read from gzip."""
 
 
 Paths = str | Path | Sequence[str | Path]
@@ -120,7 +128,9 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
     if packed and head.startswith(PACKED):
-        raise ReadError(place, "gzip around a file that is packed itself", hint="unpack it once: gunzip FILE")
+        raise ReadError(
+            place, "gzip around a file that is packed itself or read in parts", hint="unpack it once: gunzip FILE"
+        )
     refuse_by_content(place, head)
     name = unpacked_name(place)
     by_name = sorted(FORMATS, key=lambda known: name.suffix.lower() not in known.extensions)

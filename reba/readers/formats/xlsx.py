@@ -20,6 +20,8 @@ from reba.errors import ReadError, join_names
 from reba.extras import missing
 from reba.open_file import open_regular
 from reba.readers.formats.file_content import unpacked_name
+from reba.readers.formats.header_rows import MOST_ROWS as DEEPEST
+from reba.readers.formats.header_rows import names_of_rows
 from reba.readers.formats.motive import is_motive
 from reba.readers.formats.score_file import FRAMES, RECORD, sheet_record
 from reba.readers.formats.table import table_recording
@@ -135,9 +137,14 @@ def _table(path: Path, title: str, rows: list[tuple[int, tuple[Any, ...]]], log:
     header = next((at for at, (_, row) in enumerate(rows) if _is_header(row)), None)
     if header is None:
         raise ReadError(path, "no row of column names", hint="write the column names above the values")
-    cells = rows[header][1]
+    several = names_of_rows(
+        [["" if cell is None else str(cell).strip() for cell in row] for _, row in rows[header : header + DEEPEST + 1]]
+    )
+    cells, used = rows[header][1], 1
+    if several is not None:
+        cells, used = tuple(name or None for name in several[0]), several[1]
     width = max(at + 1 for at, cell in enumerate(cells) if cell is not None)
-    below = rows[header + 1 :]
+    below = rows[header + used :]
     if any(cell is not None for _, row in below for cell in row[width:]):
         log.warn(f"sheet {clip(title)}: cells right of the last column name were left out")
     names = unique_names(
