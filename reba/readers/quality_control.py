@@ -99,11 +99,15 @@ def constant_columns(seen: ColumnStatistics, seconds: float, kind: str, dummies:
 
 
 def equal_frames(angles: Array) -> Flags:
-    """Return (n - 1,) whether a frame of angles (n, 22) is exactly the one before; NaN equals anything before it."""
+    """Return (n - 1,) whether a frame of angles (n, 22) is exactly the one before; NaN equals anything before it.
+
+    A frame without any value is none: that is a gap.
+    """
     at = np.arange(len(angles) - 1)
     for column in angles.T:  # most frames differ from the one before in the first measured column
         later = column[at + 1]
         at = at[(later == column[at]) | np.isnan(later)]
+    at = at[~np.isnan(angles[at + 1]).all(axis=1)]
     same = np.zeros(max(len(angles) - 1, 0), bool)
     same[at] = True
     return same

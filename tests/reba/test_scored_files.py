@@ -22,7 +22,8 @@ from tests.support.invoke import invoke
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
-SUFFIXES = (".parquet", ".csv", ".mcap")
+ROS = "_ros.mcap"
+SUFFIXES = (".parquet", ".csv", ".mcap", ROS)
 
 
 def frames(n: int = 400) -> pd.DataFrame:
@@ -48,7 +49,7 @@ def scores(request: pytest.FixtureRequest) -> reba.Scores:
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_what_was_written_is_read_back(scores: reba.Scores, suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"scores{suffix}"
-    reba.write_scores(scores, path)
+    reba.write_scores(scores, path, as_ros=suffix == ROS)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         again = reba.read_scores(path)
@@ -88,7 +89,7 @@ def run(*words: object) -> Any:
 def test_commands_take_files_of_scores(suffix: str, tmp_path: Path) -> None:
     source, path = DATASETS / "simulated_assembly.csv", tmp_path / f"scores{suffix}"
     given = ("--rules", "paper", "--load", "9", "--coupling", "poor")
-    run("score", source, *given, "-o", path, "--json")
+    run("score", source, *given, "-o", path, "--json", *["--as-ros"] * (suffix == ROS))
     for command in (("explain", "--at", "8"), ("improve", "--at", "8")):
         name, *rest = command
         one, other = run(name, source, *rest, *given, "--json"), run(name, path, *rest, "--json")

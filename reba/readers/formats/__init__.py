@@ -67,8 +67,16 @@ FORMATS: tuple[Format, ...] = (
 """Formats beside MCAP and ROS bags, those with the most certain first bytes first."""
 MOTION_ENDINGS: frozenset[str] = frozenset((".mcap", ".bag", ".c3d", ".bvh", ".mot", ".sto", ".trc", ".mvnx"))
 """Endings of recordings alone: such a file that is damaged from its first byte on is a damaged recording."""
-PACKED: tuple[bytes, ...] = (b"\x89MCAP", b"PAR1", b"PK\x03\x04", GZIP)
-"""First bytes of formats that are packed themselves, which are not read from gzip."""
+PACKED: tuple[bytes, ...] = (
+    b"\x89MCAP",
+    b"PAR1",
+    b"PK\x03\x04",
+    GZIP,
+    b"#ROSBAG",
+    b"SQLite format 3",
+    b"\x28\xb5\x2f\xfd",
+)
+"""First bytes of formats that are packed themselves or read in parts, which are not read from gzip."""
 
 
 Paths = str | Path | Sequence[str | Path]
@@ -122,7 +130,9 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
     except OSError as error:
         raise ReadError(place, error.strerror or str(error), hint="give a readable file") from error
     if packed and head.startswith(PACKED):
-        raise ReadError(place, "gzip around a file that is packed itself", hint="unpack it once: gunzip FILE")
+        raise ReadError(
+            place, "gzip around a file that is packed itself or read in parts", hint="unpack it once: gunzip FILE"
+        )
     refuse_by_content(place, head)
     name = unpacked_name(place)
     by_name = sorted(FORMATS, key=lambda known: name.suffix.lower() not in known.extensions)
@@ -149,27 +159,27 @@ def open_recording(path: Paths, *, strict: bool = False, rate: float | None = No
 
 
 def _open_files(paths: list[str | Path], strict: bool, rate: float | None) -> Recording:
-    """Open the MCAP files of one recording.
+    """Open the files of one recording of messages: MCAP, bags or databases.
 
     Raises:
-        ReadError: a file is no MCAP recording or stands twice, or two of them were recorded at one time.
+        ReadError: a file is no recording of messages or stands twice, or two of them were recorded at one time.
     """
     if len(paths) <= 1:
         if not paths:
             raise ReadError("an empty list", "no file", hint="give the path of a recording")
         return open_recording(paths[0], strict=strict, rate=rate)
     if rate is not None:
-        raise ReadError(paths_text(paths), "MCAP recordings have times of their own", hint="leave the rate out")
+        raise ReadError(paths_text(paths), "recordings of messages have times of their own", hint="leave the rate out")
     files = [Path(path) for path in paths]
     for number, file in enumerate(files):
         try:
-            is_file = file.is_file() and is_mcap(file)
+            is_file = file.is_file() and sniff(file)
             twice = is_file and any(os.path.samefile(file, other) for other in files[:number])
         except (OSError, ValueError) as error:
             raise ReadError(file, getattr(error, "strerror", None) or str(error), hint="give readable files") from error
         if not is_file:
-            what = "not an MCAP file" if file.exists() else "no such file"
-            hint = "a list holds the MCAP files of one recording; read several recordings one by one"
+            what = "not an MCAP, .bag or .db3 file" if file.exists() else "no such file"
+            hint = "a list holds the files of one recording of messages; read several recordings one by one"
             raise ReadError(file, what, hint=hint)
         if twice:
             raise ReadError(file, "stands twice in the list", hint="name each file of the recording once")

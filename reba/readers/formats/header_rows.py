@@ -1,11 +1,14 @@
-"""Column names in several rows: points in one, their axes in the row below, as pandas and DeepLabCut write them."""
+"""Column names in several rows: points above their axes, as pandas and DeepLabCut write them; groups above angles."""
 
 from __future__ import annotations
 
+import ast
 import csv
-from collections.abc import Iterator, Sequence
-from itertools import islice
+from collections.abc import Sequence
+from itertools import islice, takewhile
 from typing import Final
+
+from reba.readers.formats.table_columns import is_column
 
 MOST_ROWS: Final = 4
 """Rows that names may take: scorer, individual, point, axis."""
@@ -17,27 +20,27 @@ _CORNERS: Final = frozenset({"coord", "coords", "coordinate", "coordinates", "ax
 """First fields of a row of axes, above the numbers of the frames."""
 
 
-def names_of_rows(lines: Sequence[str], separator: str) -> tuple[list[str], int] | None:
-    """Return the names of columns, `POINT_x`, and how many lines they take; None where a row of axes does not follow.
+def names_of_rows(rows: Sequence[Sequence[str]]) -> tuple[list[str], int] | None:
+    """Return the names of columns, `POINT_x`, and how many rows they take; None where the first row has them.
 
     A point stands above each of its axes or above the first of them, as merged cells are written. A last row that has
     one field only names the first column. Columns beside the points are called as in the lowest row that names them.
+    Without axes the names are in the row that has most columns of a posture table, if that is not the first one.
 
     Args:
-        lines: the first lines of a table.
+        rows: the fields of the first rows of a table.
 
-    >>> rows = ["time,hip,,,knee,,,ankle,,,toe,,", ",x,y,z,x,y,z,x,y,z,x,y,z", "0,1,2,3,4,5,6,7,8,9,10,11,12"]
-    >>> names, used = names_of_rows(rows, ",")
+    >>> lines = ["time,hip,,,knee,,,ankle,,,toe,,", ",x,y,z,x,y,z,x,y,z,x,y,z", "0,1,2,3,4,5,6,7,8,9,10,11,12"]
+    >>> names, used = names_of_rows(fields_of(lines, ","))
     >>> names[:5], used
     (['time', 'hip_x', 'hip_y', 'hip_z', 'knee_x'], 2)
     """
-    rows = list(_fields(lines, separator))
     at = next((number for number, row in enumerate(rows[:MOST_ROWS]) if _is_axes(row)), 0)
     if not at or any(_is_numeric(field) for row in rows[:at] for field in row[1:]):
-        return None
+        return _below_groups(rows[:MOST_ROWS])
     axes, width = rows[at], max(map(len, rows[: at + 1]))
-    above = [row + [""] * (width - len(row)) for row in rows[:at]]
-    axes = axes + [""] * (width - len(axes))
+    above = [[*row, *[""] * (width - len(row))] for row in rows[:at]]
+    axes = [*axes, *[""] * (width - len(axes))]
     first = next(column for column, field in enumerate(axes) if field.lower() in ("x", "y", "z"))
     points = _filled(above[-1], axes, first)
     persons = next((row for row in above[:-1] if row[0].lower() in _PERSONS), None)
@@ -58,13 +61,70 @@ def names_of_rows(lines: Sequence[str], separator: str) -> tuple[list[str], int]
     return names, used
 
 
-def _fields(lines: Sequence[str], separator: str) -> Iterator[list[str]]:
-    """Yield the fields of the lines that names may take; none of lines that are not separated values."""
+def _below_groups(rows: Sequence[Sequence[str]]) -> tuple[list[str], int] | None:
+    """Return the names in a row below titles or groups, a blank field called as above it; None for those in the first.
+
+    >>> _below_groups([["Time", "Trunk", ""], ["", "trunk_flexion", "trunk_twist"]])
+    (['Time', 'trunk_flexion', 'trunk_twist'], 2)
+    """
+    texts = list(takewhile(lambda row: not any(map(_is_numeric, row)), rows))
+    counts = [sum(map(is_column, row)) for row in texts]
+    at = counts.index(max(counts)) if counts else 0
+    if not at:
+        return None
+    above = [[*row, *[""] * len(rows[at])] for row in rows[:at]]
+    names = [
+        field or next((row[column] for row in reversed(above) if row[column]), "")
+        for column, field in enumerate(rows[at])
+    ]
+    return names, at + 1
+
+
+def fields_of(lines: Sequence[str], separator: str) -> list[list[str]]:
+    """Return the fields of the lines that names may take; none of lines that are not separated values."""
     try:
-        for row in islice(csv.reader(lines, delimiter=separator), MOST_ROWS + 1):
-            yield [field.strip() for field in row]
+        rows = list(islice(csv.reader(lines, delimiter=separator), MOST_ROWS + 1))
     except csv.Error:
-        return
+        return []
+    return [[field.strip() for field in row] for row in rows]
+
+
+def names_of_levels(columns: Sequence[str], levels: Sequence[str]) -> list[str]:
+    """Return the names of columns of several levels, which pandas writes as the texts of tuples.
+
+    Args:
+        levels: names of the levels.
+
+    >>> names_of_levels(["time", "('trunk', 'flexion')"], ["", ""])
+    ['time', 'trunk_flexion']
+    """
+    parts = [_parts(column) for column in columns]
+    depth = max(map(len, parts), default=0)
+    if depth < 2:
+        return list(columns)
+    rows = [
+        [name, *(part[at] if at < len(part) else "" for part in parts)]
+        for at, name in enumerate(_padded(levels, depth))
+    ]
+    named = names_of_rows(rows)
+    if named is not None and named[1] == depth:
+        return named[0][1:]
+    return ["_".join(filter(None, part)) for part in parts]
+
+
+def _padded(levels: Sequence[str], depth: int) -> list[str]:
+    return [*levels, *[""] * depth][:depth]
+
+
+def _parts(column: str) -> tuple[str, ...]:
+    if column.startswith("("):
+        try:
+            value = ast.literal_eval(column)
+        except (ValueError, SyntaxError, MemoryError, RecursionError):
+            return (column,)
+        if isinstance(value, tuple) and value:
+            return tuple(map(str, value))
+    return (column,)
 
 
 def _is_axes(row: Sequence[str]) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from reba.arrays import Array
 from reba.errors import join_names
-from reba.posture.columns import SIDES
+from reba.posture.columns import COLUMNS, COLUMNS_OF, SIDES
 from reba.readers.formats.lengths import METRES, metres_by_size
 from reba.readers.recording.stream import ReadLog, clip
 
@@ -32,6 +32,7 @@ KILOGRAMS: Final[Mapping[str, float]] = {
 TIMES: Final = frozenset({"s", "sec", "secs", "second", "seconds", "ms", "us", "ns", "min", "h"})
 PLAIN: Final = frozenset({"-", "1", "bool"})
 """Units of columns that are neither angles nor lengths, times nor loads."""
+_COLUMNS: Final = frozenset((*COLUMNS, *COLUMNS_OF))
 LEAST_POINTS: Final = 4
 """Fewer names with three coordinates are no body."""
 _AXIS = re.compile(r"(?P<name>.+?)(?P<gap>[_.:/ -]?[\[(]?)(?P<axis>[xyzXYZ])[\])]?")
@@ -62,6 +63,19 @@ def _split_unit(column: str) -> tuple[str, str]:
     return (name, unit) if name and is_unit(unit) else (column, "")
 
 
+def is_column(text: str) -> bool:
+    """Return whether a text names a column of a posture table, also with a unit or a name without a side.
+
+    >>> is_column("Trunk Flexion (deg)"), is_column("knee_flexion"), is_column("Trunk")
+    (True, True, False)
+    """
+    return _underscored(_split_unit(text)[0]) in _COLUMNS
+
+
+def _underscored(name: str) -> str:
+    return re.sub(r"[ -]+", "_", name.lower())
+
+
 def named_units(frame: pd.DataFrame, known: Iterable[str]) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return a table without units in its names or in a first row of units, and the unit of each column that has one.
 
@@ -72,7 +86,7 @@ def named_units(frame: pd.DataFrame, known: Iterable[str]) -> tuple[pd.DataFrame
     for column in map(str, frame.columns):
         name, unit = _split_unit(column)
         # A unit of time stays: the time column is recognised by it.
-        name = column if unit in TIMES else spelling.get(re.sub(r"[ -]+", "_", name.lower()), name)
+        name = column if unit in TIMES else spelling.get(_underscored(name), name)
         names.append(name)
         if unit:
             units[name] = unit

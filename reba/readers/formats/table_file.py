@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from reba.open_file import open_regular
 from reba.posture.columns import COLUMNS
 from reba.posture.factors import BOTH_SIDES, FACTORS
 from reba.readers.formats.file_content import file_bytes
-from reba.readers.formats.header_rows import MOST_ROWS, names_of_rows
+from reba.readers.formats.header_rows import MOST_ROWS, fields_of, names_of_levels, names_of_rows
 from reba.readers.formats.score_file import parquet_record
 from reba.readers.formats.text import check_fields, decode
 from reba.readers.recording.stream import ReadLog, Topic, clip, unique_names
@@ -64,8 +65,10 @@ def read_csv(path: Path, log: ReadLog) -> TableFile:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or any("not UTF-8" in note for note in log.warnings):
         data = text.encode()
     del text
-    separator = separator or max(SEPARATORS, key=header.count)
-    rows = names_of_rows([header, *sample.split("\n", MOST_ROWS)[:MOST_ROWS]], separator)
+    first = [header, *sample.split("\n", MOST_ROWS)[:MOST_ROWS]]
+    separated = next((row for row in first if any(mark in row for mark in SEPARATORS)), header)  # below a title
+    separator = separator or max(SEPARATORS, key=separated.count)
+    rows = names_of_rows(fields_of(first, separator))
     if rows is None:
         names = _names(path, header, separator, line, log)
     else:
@@ -125,7 +128,8 @@ def read_parquet(path: Path, log: ReadLog) -> TableFile:
     # Text that is not UTF-8 passes the reading and fails much later.
     attempt(lambda: table.validate(full=True))
     frame = attempt(lambda: table.to_pandas(ignore_metadata=True))
-    frame.columns = list(_distinct(path, [str(name) for name in frame.columns], log))
+    names = names_of_levels([str(name) for name in frame.columns], _levels(schema.metadata))
+    frame.columns = list(_distinct(path, names, log))
     if "time" not in frame.columns and any(frame[name].dtype.kind in "mM" for name in frame.columns if name == INDEX):
         frame = frame.rename(columns={INDEX: "time"})
     for name in [name for name in frame.columns if frame[name].dtype == "category"]:
@@ -134,6 +138,15 @@ def read_parquet(path: Path, log: ReadLog) -> TableFile:
         Topic(name, "Parquet column", len(frame), False, "lists or records, not numbers") for name in nested
     )
     return TableFile(frame, lambda row: f"row {row + 1}", left_out, parquet_record(schema.metadata))
+
+
+def _levels(metadata: Mapping[bytes, bytes] | None) -> list[str]:
+    """Return the names of the levels of columns that pandas wrote beside them, none where it did not."""
+    try:
+        indexes = json.loads((metadata or {}).get(b"pandas", b"{}")).get("column_indexes", [])
+        return [str(index.get("name") or "") for index in indexes]
+    except (ValueError, AttributeError, TypeError, RecursionError):
+        return []
 
 
 def separator_of(line: str) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from reba.arrays import Array
 from reba.errors import ReadError
 from reba.readers.formats.text import BLANKS
-from reba.readers.recording.row_times import CENTURY
+from reba.readers.recording.row_times import CENTURY, ROWS_PER_RESTART
 from reba.readers.recording.stream import ReadLog, clip
 
 if TYPE_CHECKING:
@@ -217,17 +217,30 @@ def _of_day(series: pd.Series) -> Array | None:
     parts = parsed.fillna("0").astype(float)
     fractions = ("0." + parsed["f"].fillna("0")).astype(float)
     seconds = (parts["h"] * 3600 + parts["m"] * 60 + parts["s"] + fractions).to_numpy()
-    if (parts["h"] < 24).all():
-        seconds = seconds + DAY * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -DAY / 2)
-    return np.where(series.isna(), np.nan, np.rint(seconds * 1e9))
+    seconds = np.where(series.isna(), np.nan, seconds)
+    return np.rint((past_midnight(seconds) if (parts["h"] < 24).all() else seconds) * 1e9)
+
+
+def past_midnight(seconds: Array) -> Array:
+    """Return times of day (n,) [s], NaN where there is none, that go on after midnight.
+
+    >>> past_midnight(np.array([86399.0, np.nan, 1.0])).tolist()
+    [86399.0, nan, 86401.0]
+    """
+    there = np.flatnonzero(np.isfinite(seconds))
+    days = np.zeros(len(seconds))
+    days[there[1:]] = np.cumsum(np.diff(seconds[there]) < -DAY / 2)
+    return seconds + DAY * days
 
 
 def _unit_by_size(valid: NDArray[np.int64] | Array, typical: float, column: str, log: ReadLog) -> float:
     """Return the unit [s] of time stamps without a stated one, from their size and their steps."""
     steps = np.diff(valid)
+    if np.count_nonzero(steps < 0) * ROWS_PER_RESTART > len(valid):
+        steps = np.diff(np.sort(valid))
     steps = steps[steps > 0]
     step = float(np.median(steps)) if len(steps) else 0.0
-    if typical >= 1e17 or (typical < 1e14 and step >= 1e5):
+    if typical >= 1e17 or (typical < 1e14 and step >= SHORTEST_STEP * 1e9):
         unit = "ns"
     elif typical >= 1e14 or (typical < 1e11 and step >= 2e3):
         unit = "us"

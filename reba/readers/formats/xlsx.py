@@ -13,15 +13,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from reba.cells import text_of
 from reba.errors import ReadError, join_names
 from reba.extras import missing
 from reba.open_file import open_regular
 from reba.readers.formats.file_content import unpacked_name
+from reba.readers.formats.header_rows import MOST_ROWS as DEEPEST
+from reba.readers.formats.header_rows import names_of_rows
 from reba.readers.formats.motive import is_motive
 from reba.readers.formats.score_file import FRAMES, RECORD, sheet_record
 from reba.readers.formats.table import table_recording
 from reba.readers.formats.table_file import MAX_COLUMNS, TableFile, without_decimal_commas
+from reba.readers.formats.table_time import past_midnight
 from reba.readers.formats.text import BLANKS
 from reba.readers.formats.vicon import is_vicon
 from reba.readers.formats.zip_archive import HINT, first_member, open_zip
@@ -132,9 +137,14 @@ def _table(path: Path, title: str, rows: list[tuple[int, tuple[Any, ...]]], log:
     header = next((at for at, (_, row) in enumerate(rows) if _is_header(row)), None)
     if header is None:
         raise ReadError(path, "no row of column names", hint="write the column names above the values")
-    cells = rows[header][1]
+    several = names_of_rows(
+        [["" if cell is None else str(cell).strip() for cell in row] for _, row in rows[header : header + DEEPEST + 1]]
+    )
+    cells, used = rows[header][1], 1
+    if several is not None:
+        cells, used = tuple(name or None for name in several[0]), several[1]
     width = max(at + 1 for at, cell in enumerate(cells) if cell is not None)
-    below = rows[header + 1 :]
+    below = rows[header + used :]
     if any(cell is not None for _, row in below for cell in row[width:]):
         log.warn(f"sheet {clip(title)}: cells right of the last column name were left out")
     names = unique_names(
@@ -159,18 +169,26 @@ def _is_header(row: Iterable[Any]) -> bool:
 
 
 def _value(cell: Any) -> Any:
-    """Return a cell as a table has it: times of day and durations in seconds, words for no value as None."""
+    """Return a cell as a table has it: durations in seconds, words for no value as None."""
     if isinstance(cell, str):
         text = text_of(cell.strip())
         return None if text.lower() in BLANKS or text == "#N/A" else text
-    if isinstance(cell, dt.time):
-        return cell.hour * 3600.0 + cell.minute * 60.0 + cell.second + cell.microsecond * 1e-6
     return cell.total_seconds() if isinstance(cell, dt.timedelta) else cell
+
+
+def _seconds(cell: dt.time) -> float:
+    return cell.hour * 3600.0 + cell.minute * 60.0 + cell.second + cell.microsecond * 1e-6
 
 
 def _series(values: list[Any]) -> pd.Series[Any]:
     import pandas as pd
 
+    clock = [value for value in values if isinstance(value, dt.time)]
+    if clock:
+        of_day = len(clock) == len(values) - values.count(None)
+        values = [_seconds(value) if isinstance(value, dt.time) else value for value in values]
+        if of_day:
+            return pd.Series(past_midnight(np.array(values, np.float64)))
     if any(isinstance(value, dt.datetime) for value in values):
         try:
             return pd.Series(pd.to_datetime(values))

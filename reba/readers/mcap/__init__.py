@@ -106,8 +106,6 @@ def open_mcap(
     )
     if strict and log.lost:
         raise ReadError(path, log.lost, hint=LOST_HINT)
-    if record and not any(stream.kind == "angles" for stream in recording.streams):
-        log.warn("its scores are ROS messages, which are not read: postures and factors are not those of the scores")
     return recording
 
 

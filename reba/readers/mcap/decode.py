@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reba.arrays import Array, Flags
-from reba.readers.mcap.extract import Extractor, SignalGroup, Stamp, Value
+from reba.posture.factors import SUPPORTS
+from reba.readers.mcap.extract import Extractor, SignalGroup, Stamp, Value, extract_numbers
 from reba.readers.mcap.layout import (
     VARINT,
     FieldRun,
@@ -35,6 +36,7 @@ _MOST_LAYOUTS: Final = 64
 _MOST_LENGTHS: Final = 64
 """Message lengths whose layouts are cached."""
 _NANO: Final = 1_000_000_000
+_SUPPORTS: Final = dict(enumerate(SUPPORTS))
 _ERRORS: Final = (ValueError, TypeError, OverflowError, RecursionError)
 
 
@@ -84,6 +86,9 @@ class Decoder(Protocol):
     def decode(self, batch: Batch, log: ReadLog) -> list[Piece]:
         """Return the pieces of a batch, in any order."""
 
+    def rows(self, batch: Batch) -> list[dict[str, Any] | None]:
+        """Return the messages of a batch as rows of a table, texts included; None for one that is no row."""
+
 
 @dataclass
 class _LayoutPlan:
@@ -121,6 +126,17 @@ class ColumnDecoder:
         for length in dict.fromkeys((lengths[:1] if alike else lengths).tolist()):
             self._decode_group(batch if alike else batch[lengths == length], data, length, pieces, log)
         return pieces
+
+    def rows(self, batch: Batch) -> list[dict[str, Any] | None]:
+        """Return the numbers of each message by name, without those that are NaN; the support as its word."""
+        rows: list[dict[str, Any] | None] = [None] * len(batch.numbers)
+        for piece in ColumnDecoder(self._walk, extract_numbers, None).decode(batch, ReadLog()):
+            for at, values in zip((piece.number - batch.numbers[0]).tolist(), piece.values.tolist(), strict=True):
+                row = {name: value for name, value in zip(piece.names, values, strict=True) if value == value}
+                if (code := row.get("support")) in _SUPPORTS:
+                    row["support"] = _SUPPORTS[code]
+                rows[at] = row
+        return rows
 
     def _decode_group(
         self, batch: Batch, data: NDArray[np.uint8], length: int, pieces: list[Piece], log: ReadLog
@@ -214,6 +230,10 @@ def _raw_stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[Any]:
 def _stamp(stamp: Stamp | None, rows: MessageRows) -> NDArray[np.int64]:
     if stamp is None:
         return np.full(len(rows), NO_STAMP)
+    if isinstance(stamp[0], FieldSpan) and stamp[0].code[-2] == "f":
+        time = rows.numbers(stamp[0].start, stamp[0].code, 1)[:, 0].astype(np.float64)
+        there = np.abs(time) < LATEST / _NANO  # False for NaN
+        return np.where(there, np.rint(np.where(there, time, 0.0) * _NANO), NO_STAMP).astype(np.int64)
     seconds, nanos = (_whole(part, rows) for part in stamp)
     total = seconds * _NANO + nanos
     total[(seconds < 0) | (seconds >= LATEST // _NANO)] = NO_STAMP
@@ -256,6 +276,16 @@ class JsonDecoder:
             values = np.array([values for _, _, values in samples], np.float64)
             pieces.append(Piece(batch.numbers[rows], stamp, batch.times[rows], names, parents, values))
         return pieces
+
+    def rows(self, batch: Batch) -> list[dict[str, Any] | None]:
+        """Return the object of each message."""
+        trees: list[Any] = []
+        for index in range(len(batch.times)):
+            try:
+                trees.append(load_json(batch.payload(index)))
+            except Undecodable:
+                trees.append(None)
+        return [tree if isinstance(tree, dict) else None for tree in trees]
 
 
 def _json_stamp(stamp: Stamp | None) -> int:

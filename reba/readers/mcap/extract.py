@@ -210,10 +210,17 @@ def extract_angles(tree: Any) -> list[SignalGroup]:
     names = tuple(name for name in TABLE_COLUMNS if name in fields)
     if not names and "time" not in fields:
         raise Undecodable("it has none of the posture columns")
+    time = fields.get("time")
     nanos = row_stamp(fields)
-    stamp: Stamp | None = None if nanos == NO_STAMP else (0, nanos)
+    stamp: Stamp | None = (time, 0) if isinstance(time, FieldSpan) else None if nanos == NO_STAMP else (0, nanos)
     values = tuple(float(v) if isinstance(v := fields[name], bool) else number(v) for name in names)
     return [SignalGroup(stamp, names, (), values)]
+
+
+def extract_numbers(tree: Any) -> list[SignalGroup]:
+    """Return every field of a row that is a number, by its name."""
+    values = {name: value for name, field in fields_of(tree).items() if (value := number(field)) is not None}
+    return [SignalGroup(None, tuple(values), (), tuple(values.values()))]
 
 
 def row_stamp(row: Mapping[str, Any]) -> int:

@@ -65,6 +65,7 @@ MEANINGS: Final[Mapping[str, Meaning]] = {
     "foxglove/SceneUpdate": _SCENE,
     "foxglove_msgs/SceneUpdate": _SCENE,
     "reba/Posture": _ANGLES,
+    "reba_msgs/Scores": _ANGLES,
 }
 """Type by `type_key` -> meaning. LinkStateArray: https://github.com/hrii-iit/xsens_mvn_ros."""
 

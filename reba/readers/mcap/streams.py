@@ -20,9 +20,8 @@ from reba.readers.mcap.contents import (
     Track,
     clock_name,
 )
-from reba.readers.mcap.decode import Batch, Piece, load_json
+from reba.readers.mcap.decode import Batch, Piece
 from reba.readers.mcap.extract import row_stamp
-from reba.readers.mcap.layout import Undecodable
 from reba.readers.mcap.log_times import log_times
 from reba.readers.mcap.merge import Merger
 from reba.readers.mcap.records import LATEST
@@ -177,22 +176,14 @@ class McapBlockDecoder:
             place = self._contents.place(part, segment) if part.container is container else None
             if place is not None:
                 batch = batch_of(container, segment, part.channel, place.first)
-                trees = [self._row(batch, index) for index in range(len(batch.times))]
+                trees = self._decoders[id(part)].rows(batch)
                 there = np.array([row is not None for row in trees], bool)
-                mine = [row for row in trees if row is not None]
+                mine = [dict(on_both_sides(row)) for row in trees if row is not None]
                 self._set_times(self._tracks[id(part)], batch[there], mine)
                 rows += mine
                 if mine:
                     self.newest_log = max(self.newest_log, int(batch.times.max()))
         return rows
-
-    @staticmethod
-    def _row(batch: Batch, index: int) -> dict[str, Any] | None:
-        try:
-            row = load_json(batch.payload(index))
-        except Undecodable:
-            return None
-        return dict(on_both_sides(row)) if isinstance(row, dict) else None
 
     def _set_times(self, track: Track, batch: Batch, rows: list[dict[str, Any]]) -> None:
         """Set the times [s] of rows: their own as they are written, unless the clock restarts or one is damaged."""

@@ -19,6 +19,8 @@ BACK: Final = 0.5
 """[s] By which times may run back, or differ from those of both neighbours, without a restart; a choice."""
 ROWS_PER_RESTART: Final = 10
 """Times that run back more often than once in so many rows are in no order, and are sorted; a choice."""
+ROWS_PER_DAMAGED: Final = 5
+"""More damaged times than one in so many rows are no damage, but rows in no order; a choice."""
 COARSE: Final = 0.1
 """[s] Steps of time from which on several rows in each are no repetition, but a time that was rounded; a choice."""
 ROWS_PER_STEP: Final = 3
@@ -90,7 +92,8 @@ def _damaged(time: Array) -> Flags:
     alone = np.concatenate([[steps[0] < -BACK and steps[1] >= 0], between & out, [steps[-1] < -BACK]])
     # A restart has more rows than one behind it.
     alone[-1] &= not alone[-2]
-    damaged[at[alone]] = True
+    if len(at) < ROWS_PER_RESTART or np.count_nonzero(alone) * ROWS_PER_DAMAGED <= len(at):
+        damaged[at[alone]] = True
     return damaged
 
 

@@ -168,6 +168,31 @@ def test_a_silent_signal_is_reported_within_two_seconds_and_ends_the_alert(
     assert any(line["alert"]["active"] for line in before)
 
 
+@pytest.mark.parametrize(
+    ("messages", "kind", "event"),
+    [
+        (restarting(), "restarted", 6.0),
+        (restarting_with_the_log_time(), "restarted", 5.0),
+        (restarting_after_a_pause(), "restarted", 9.0),
+        (two_publishers(), "restarted", 6.0),
+        (renewed_id(0.3), "new_id", 6.3),
+        (renewed_id(-0.3), "new_id", 6.0),
+        (renewed_id(3.0), "new_id", 9.0),
+        (pausing(), "resumed", 9.0),
+    ],
+)
+def test_what_happens_to_a_signal_is_reported_within_two_seconds(
+    messages: list[Message], kind: str, event: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Times are those of the messages: the source hands each one out at its log time."""
+    live = run(tmp_path / "live.mcap", messages, monkeypatch)
+    (notice,) = live.notices(kind)
+    assert event - 1e-6 <= notice["at"] <= event + 2.0
+    later = [line["time"] for line in live.scores if line["time"] > notice["time"]]
+    assert notice["notice"]["followed"]
+    assert later
+
+
 def test_a_recorder_that_collects_chunks_is_silent_only_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     messages = [joints(at) for at in ticks(0, 16)]
     live = run(tmp_path / "live.mcap", messages, monkeypatch, chunked=True)

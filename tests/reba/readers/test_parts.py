@@ -201,7 +201,7 @@ def test_files_of_one_recording(tmp_path: Path) -> None:
     says(refused(lambda: reba.read([parts[0], parts[0]])), "twice")
     says(refused(lambda: reba.read([parts[0], tmp_path / "whole.mcap"])), "recorded at one time", "one by one")
     table = DATASETS / "simulated_assembly.csv"
-    says(refused(lambda: reba.read([table, parts[0]])), "not an MCAP file", "one by one")
+    says(refused(lambda: reba.read([table, parts[0]])), "not an MCAP, .bag or .db3 file", "one by one")
     says(refused(lambda: reba.read([parts[0], tmp_path / "gone.mcap"])), "no such file")
 
 

@@ -86,3 +86,14 @@ def test_equal_frames_are_those_in_which_every_column_is_equal() -> None:
     assert 0 < plain.sum() < len(plain)
     assert (equal_frames(angles) == plain).all()
     assert [len(equal_frames(angles[:count])) for count in range(3)] == [0, 0, 1]
+
+
+def test_frames_without_a_value_are_gaps_and_not_frozen(tmp_path: Path) -> None:
+    time = np.arange(300) / 10
+    frame = pd.DataFrame({"time": time, "trunk_flexion": 20 + time, "neck_flexion": 5 + time})
+    frame.loc[100:150, ["trunk_flexion", "neck_flexion"]] = np.nan
+    frame.to_csv(tmp_path / "gap.csv", index=False)
+    texts = " ".join(reba.read(tmp_path / "gap.csv").quality.warnings)
+    assert "no value in 17 %" in texts
+    assert "frozen" not in texts
+    assert "repeat" not in texts

@@ -59,6 +59,7 @@ def test_ros_messages_are_read_by_the_official_decoder(tmp_path: Path) -> None:
             m.decoded_message for m in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
         ]
     assert [message.reba_low for message in decoded] == scores.data["reba_low"].tolist()
+    assert {message.support for message in decoded} == {0.0}
 
 
 def test_a_ros_1_recording_stays_one(tmp_path: Path) -> None:
@@ -89,6 +90,7 @@ def test_a_ros_1_recording_stays_one(tmp_path: Path) -> None:
     assert [row.decoded_message.reba_low for row in rows] == scores.data["reba_low"].tolist()
     assert [row.message.log_time for row in rows] == copy.logged("/joint_states")
     assert rows[3].decoded_message.header.stamp.nsecs == pytest.approx(3 * STEP_NS, abs=1000)
+    pd.testing.assert_frame_equal(reba.read_scores(tmp_path / "out.mcap").data, scores.data)
 
 
 def test_ros_messages_need_an_mcap(tmp_path: Path) -> None:
@@ -122,10 +124,3 @@ def test_topics_that_are_not_ros_are_told(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match=r"json\.mcap .*\(/ergonomics/reba\).* rosbags does not open"):
         reba.write_scores(reba.score(reba.read(first)), second, as_ros=True)
     assert second.exists()
-
-
-def test_scores_that_are_not_read_back_are_told(tmp_path: Path) -> None:
-    source, out = recorded(tmp_path / "in.mcap", 60), tmp_path / "out.mcap"
-    call("score", source, "-o", out, "--as-ros", "--load", "9")
-    says("; ".join(reba.read(out).quality.warnings), "ROS messages", "not read")
-    assert not any("ROS" in text for text in reba.read(source).quality.warnings)

@@ -104,7 +104,12 @@ def test_what_is_packed_itself_is_not_packed_again(tmp_path: Path) -> None:
             shutil.copyfileobj(source, packed)
         with pytest.raises(reba.ReadError) as caught:
             reba.read(path)
-        says(caught, "packed itself", "gunzip")
+        says(caught, "packed itself or read in parts", "gunzip")
+    for head in (b"#ROSBAG V2.0\n", b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"):
+        (tmp_path / "shift.bag.gz").write_bytes(gzip.compress(head + bytes(200)))
+        with pytest.raises(reba.ReadError) as caught:
+            reba.read(tmp_path / "shift.bag.gz")
+        says(caught, "packed itself or read in parts", "gunzip")
 
 
 @pytest.mark.parametrize(

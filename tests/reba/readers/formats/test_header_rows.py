@@ -12,7 +12,7 @@ from reba.errors import ProfileError
 from reba.posture.columns import COLUMNS
 from reba.posture.table import PostureTable
 from reba.readers import read
-from reba.readers.formats.header_rows import names_of_rows
+from reba.readers.formats.header_rows import fields_of, names_of_rows
 from reba.readers.formats.table_columns import LANDMARKS
 from tests.reba.readers.test_partial_skeletons import COCO, PERSON
 from tests.support.says import says
@@ -82,9 +82,60 @@ def test_a_place_of_a_damaged_cell_is_its_line(tmp_path: Path) -> None:
         read(path)
 
 
+ANGLES = pd.DataFrame({"time": TIME, "trunk_flexion": 10 + 20 * TIME, "knee_flexion_left": 30 - TIME})
+ABOVE = {
+    "groups": [["", "Trunk", "Knee"], list(ANGLES)],
+    "merged": [["Time (s)", "Angles", ""], ["", "Trunk Flexion (deg)", "knee_flexion_left"]],
+    "units": [["", "Trunk", "Knee"], list(ANGLES), ["[s]", "[deg]", "[deg]"]],
+    "title": [["Subject", "Anna", ""], ["Trial", "three", ""], list(ANGLES)],
+}
+
+
+@pytest.mark.parametrize("name", ABOVE)
+@pytest.mark.parametrize("suffix", ["csv", "xlsx", ";csv"])
+def test_names_of_angles_below_groups_and_titles(tmp_path: Path, name: str, suffix: str) -> None:
+    path, rows = tmp_path / f"groups.{suffix.strip(';')}", [*ABOVE[name], *ANGLES.to_numpy().tolist()]
+    if suffix == "xlsx":
+        pd.DataFrame([[cell if cell != "" else None for cell in row] for row in rows]).to_excel(
+            path, index=False, header=False
+        )
+    else:
+        mark = ";" if ";" in suffix else ","
+        path.write_text("\n".join(mark.join(map(str, row)) for row in rows) + "\n")
+    table = read(path)
+    for column in ANGLES:
+        np.testing.assert_allclose(table.data[column], ANGLES[column], err_msg=column)
+
+
+def test_a_line_with_a_title_alone(tmp_path: Path) -> None:
+    path = tmp_path / "title.csv"
+    path.write_text("Trial 3\n" + ANGLES.to_csv(index=False, sep=";"))
+    np.testing.assert_allclose(read(path).data["trunk_flexion"], ANGLES["trunk_flexion"])
+
+
+@pytest.mark.parametrize(
+    "levels", [("", ""), ("scorer", "bodyparts", "coords"), ("individuals", "bodyparts", "coords")]
+)
+def test_columns_of_several_levels(tmp_path: Path, levels: tuple[str, ...]) -> None:
+    columns = [("net", word, axis)[-len(levels) :] for word in POINTS for axis in "xyz"]
+    frame = pd.DataFrame(np.column_stack(list(POINTS.values())), index=pd.Index(TIME, name="time"))
+    frame.columns = pd.MultiIndex.from_tuples(columns, names=[level or None for level in levels])
+    frame.to_parquet(tmp_path / "levels.parquet")
+    _same(read(tmp_path / "levels.parquet"), _expected(tmp_path))
+    angles = ANGLES.set_axis(
+        pd.MultiIndex.from_tuples([("time", ""), ("trunk", "flexion"), ("knee", "flexion")]), axis=1
+    )
+    angles.to_parquet(tmp_path / "angles.parquet")
+    np.testing.assert_allclose(read(tmp_path / "angles.parquet").data["trunk_flexion"], ANGLES["trunk_flexion"])
+
+
+def test_words_in_rows_of_numbers_are_no_names() -> None:
+    assert names_of_rows([["time", "joint", "angle"], ["0", "trunk_flexion", "5.0"]]) is None
+
+
 @pytest.mark.parametrize("rows", [["a,b,c", "1,2,3"], ["x,y,z,x,y,z,x,y,z,x,y,z", "1,2,3"], ["time,x,y,z", "0,1,2,3"]])
 def test_other_tables_have_names_in_one_row(rows: list[str]) -> None:
-    assert names_of_rows(rows, ",") is None
+    assert names_of_rows(fields_of(rows, ",")) is None
 
 
 @pytest.mark.parametrize("spelling", ["{}_landmark_{}", "{}.{}", "{}_keypoint_{}"])
@@ -141,6 +192,6 @@ def test_a_long_table_calls_its_points_joint_name_and_gaps_missing(tmp_path: Pat
 
 def test_a_blank_line_below_the_axes_names_nothing() -> None:
     rows = [",,Hip,Hip,Hip,Knee,Knee,Knee,Foot,Foot,Foot,Toe,Toe,Toe", "Frame,Time" + 4 * ",X,Y,Z"]
-    plain = names_of_rows([*rows, "0,0.0,1,2,3"], ",")
+    plain = names_of_rows(fields_of([*rows, "0,0.0,1,2,3"], ","))
     assert plain is not None
-    assert names_of_rows([*rows, "", "0,0.0,1,2,3"], ",") == plain
+    assert names_of_rows(fields_of([*rows, "", "0,0.0,1,2,3"], ",")) == plain

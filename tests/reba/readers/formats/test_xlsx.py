@@ -91,6 +91,23 @@ def test_dates_times_of_day_and_durations(tmp_path: Path) -> None:
         assert table.epoch == pytest.approx(epoch)
 
 
+@pytest.mark.parametrize("blank", [None, 3, 20])
+def test_times_of_day_go_on_after_midnight(tmp_path: Path, blank: int | None) -> None:
+    start = dt.datetime(2024, 5, 1, 23, 59, 50)
+    cells: list[Any] = [(start + dt.timedelta(seconds=at)).time() for at in range(40)]
+    if blank is not None:
+        cells[blank] = None
+    rows: Rows = [["time", "trunk_flexion"]]
+    rows += [[cell, float(angle)] for cell, angle in zip(cells, ANGLES, strict=True)]
+    sheet = book(tmp_path, {"Data": rows})
+    (tmp_path / "shift.csv").write_text("".join(f"{'' if row[0] is None else row[0]},{row[1]}\n" for row in rows))
+    timed = np.arange(40) != blank
+    for path in (sheet, tmp_path / "shift.csv"):
+        table = reba.read(path)
+        np.testing.assert_allclose(np.diff(table.data["time"]), np.diff(np.flatnonzero(timed)), atol=1e-6)
+        np.testing.assert_allclose(table.data["trunk_flexion"], ANGLES[timed])
+
+
 def test_points(tmp_path: Path) -> None:
     source = open_recording(DATASETS / "balancing_keypoints.trc").streams[0]
     (block,) = source.blocks()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from mcap.reader import make_reader
 
@@ -59,3 +60,18 @@ def test_threads_that_pack_messages_may_swap_them(plugin: str, source: Path, tmp
     expected, found = reba.read(source), reba.read(path)
     np.testing.assert_array_equal(found.data[list(COLUMNS)], expected.data[list(COLUMNS)])
     assert found.quality.seams == ()
+
+
+@pytest.mark.parametrize("kind", ["bag", "database", "both"])
+def test_a_list_of_bags_or_databases_is_one_recording(kind: str, tmp_path: Path) -> None:
+    source = copies.write_motion(tmp_path / "whole.mcap", 300)
+    whole, rows = reba.read(source), list(copies.messages(source))
+    parts = [rows[:200], rows[200:]]
+    bags = [copies.to_bag(part, tmp_path / f"part_{at}.bag") for at, part in enumerate(parts)]
+    folders = [copies.to_rosbag2(part, tmp_path / f"part_{at}") for at, part in enumerate(parts)]
+    databases = [next(folder.glob("*.db3")) for folder in folders]
+    files = {"bag": bags[::-1], "database": databases, "both": [bags[0], databases[1]]}[kind]
+    read = reba.read(files)
+    pd.testing.assert_frame_equal(read.data, whole.data)
+    assert [account["used"] for account in read.quality.accounts] == [300, 300]
+    assert reba.info(files).frames == 300

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import reba
@@ -35,6 +36,19 @@ def test_a_time_far_from_both_neighbours_is_damaged(wrong: float) -> None:
     times = TENTHS + 10
     times[[20, 59]] = wrong, 0.0
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(row_times(times).time)), [20, 59])
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+@pytest.mark.parametrize("order", [np.random.default_rng(2).permutation(400), np.arange(400)[::-1]])
+def test_rows_in_no_order_are_sorted(tmp_path: Path, scale: float, order: np.ndarray) -> None:
+    time = np.arange(400) / 10
+    frame = pd.DataFrame({"time": time * scale, "trunk_flexion": time}).iloc[order]
+    frame.to_csv(tmp_path / "table.csv", index=False)
+    table = reba.read(tmp_path / "table.csv")
+    np.testing.assert_allclose(table.data["time"], time)
+    np.testing.assert_allclose(table.data["trunk_flexion"], time)
+    says("; ".join(table.quality.warnings), "sorted")
+    assert "far from" not in str(table.quality.warnings)
 
 
 def test_times_that_start_again_go_on_by_one_step() -> None:
