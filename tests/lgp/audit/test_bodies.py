@@ -29,7 +29,7 @@ from lgp.scene.model import Human, Robot
 from lgp.scene.scene_file import load_scene
 from tests.support.gantry import BELOW, BOX, GRIP, JOINTS, START, TAKE, carried, made_plan, scene_values, through
 from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
-from tests.support.robot_files import arm_world
+from tests.support.robot_files import LIFT_ARM, arm_world
 from tests.support.says import says
 
 TURN = about(np.array([0.6, 0.0, 0.8]), np.array([0.7]))[0]
@@ -86,6 +86,19 @@ def test_a_hand_is_not_named_as_a_link_elsewhere(hand: dict[str, Any], tmp_path:
     with pytest.raises(WorldError) as error:
         arm_world(tmp_path, hands={"tcp": hand})
     says(error, "arm.tcp", "is a link or joint of arm elsewhere", "another name")
+
+
+@pytest.mark.parametrize("locked", [[], ["l5", "fl"], ["*"]])
+def test_links_may_have_the_names_of_joints(locked: list[str], tmp_path: Path) -> None:
+    named = {"lift": "l0", "pan": "l1", "shoulder": "l2", "elbow": "l3", "level": "l4", "wrist": "l5", "f1": "fl"}
+    urdf = LIFT_ARM.replace('"tcp_joint"', '"tcp"').replace('"f2"', '"fr"')
+    for joint, link in named.items():
+        for tag in ("<joint name", "<mimic joint"):
+            urdf = urdf.replace(f'{tag}="{joint}"', f'{tag}="{link}"')
+    world = arm_world(tmp_path, urdf, locked=locked, hands={"own": {"frame": "l5"}, "tcp": {"frame": "tcp"}})
+    free = [] if locked == ["*"] else [f"arm.{name}" for name in named.values() if name not in locked]
+    assert sorted(world.joints) == sorted(free)
+    assert agreement(world) < 1e-12
 
 
 def test_joints_that_follow_another_and_limits_are_those_of_the_urdf(tmp_path: Path) -> None:
