@@ -160,8 +160,8 @@ def _asked(modes: ModeSequence, number: int, constraint: ActionConstraint, momen
 def _check_finite(modes: ModeSequence, number: int, constraint: ActionConstraint, feature: Feature) -> None:
     for what, numbers in (("value", feature.value), ("Jacobian", feature.jacobian)):
         if not np.isfinite(numbers).all():
-            found = numbers[~np.isfinite(numbers)][0]
-            raise _wrong(modes, number, constraint, f"has {found} in its {what}", "finite numbers")
+            bad = numbers[~np.isfinite(numbers)][0]
+            raise _wrong(modes, number, constraint, f"has {bad} in its {what}", "finite numbers")
 
 
 def _wrong(modes: ModeSequence, number: int, constraint: ActionConstraint, given: str, expected: str) -> LgpError:
