@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from lgp.execution.tracking import TrackedWorld
+from lgp.kinematics.actions import kind_of
 from lgp.logic.task import Action, Atom, Task
 from lgp.scene.model import Scene
 
@@ -215,6 +216,15 @@ def closed_grippers(scene: Scene, atoms: Iterable[Atom]) -> frozenset[str]:
     return frozenset(hand for hand in hands if not scene.hands[hand].human)
 
 
+def closing_grippers(scene: Scene, task: Task, action: Action) -> list[tuple[str, str]]:
+    """Return the grippers that an action closes, each with its object: also that of a second hand that carries."""
+    pairs = [atom.arguments for atom in task.holding(action.adds) if atom.predicate in CLOSING]
+    kind = kind_of(action.name)
+    if kind is not None and kind.attaches_to == "hand" and "second" in kind.roles:
+        pairs.append(tuple(action.arguments[kind.roles.index(role)] for role in ("second", "object")))
+    return [(hand, name) for hand, name in pairs if not scene.hands[hand].human]
+
+
 def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tuple[str, bool]]:
     """Return the grippers that close (True) or open (False) at the end of an action's motion.
 
@@ -222,12 +232,8 @@ def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tup
     """
     scene, adds = view.world.scene, task.holding(action.adds)
     object_names = [name for name in action.arguments if name in scene.objects]
-    closing = closed_grippers(scene, adds)
-    commands = [
-        (atom.arguments[0], True)
-        for atom in adds
-        if atom.predicate in CLOSING and atom.arguments[0] in closing and reached(view, *atom.arguments).holds
-    ]
+    closing = closing_grippers(scene, task, action)
+    commands = [(hand, True) for hand, name in closing if reached(view, hand, name).holds]
     for hand in (atom.arguments[0] for atom in adds if atom.predicate == "free"):
         takers = [name for name in action.arguments if name in scene.hands and name != hand]
         given = all(holding(view, taker, name).holds for taker in takers for name in object_names)

@@ -116,6 +116,8 @@ def _closed(planner: Planner, number: int, q: Array, seen: Mapping[str, tuple[Ar
     hands = motion.world.at(q[None], scene.hands)
     has = {(motion.modes.attachment(name, number).parent, name) for name in seen}
     has |= {(atom.arguments[0], atom.arguments[1]) for atom in planner.nominal(number) if atom.predicate in CLOSING}
+    seconds = motion.modes.second_intervals
+    has |= {(hand, motion.modes.switches[k].object_name) for hand, k, last in seconds if k < number <= last}
     for hand, name in sorted(has):
         if hand in scene.hands and not scene.hands[hand].human:
             point = hands.position[0, hands.index[hand]]
