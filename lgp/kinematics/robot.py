@@ -79,7 +79,8 @@ def urdf_of(model: str, packages: tuple[str, ...] = ()) -> Path:
         return path
     known = known_robots()
     if model not in known and path.suffix != ".urdf":
-        hint = did_you_mean(model, known)
+        xacro = f"; write that file with: xacro {path.name} > {path.name.partition('.')[0]}.urdf"
+        hint = xacro if path.suffix == ".xacro" else did_you_mean(model, known)
         raise WorldError(f"robot model is {model!r}, expected {', '.join(known)} or the path of a .urdf file{hint}")
     if path.is_absolute() or model.startswith("."):
         raise WorldError(
