@@ -1,11 +1,13 @@
 """Try every arm of example-robot-data in a scene of its own, and write what came of it to docs/arms.md.
 
-python docs/arms.py             all arms, one after another
-python docs/arms.py UR5 Kinova  those whose name contains one of the words; prints their rows and writes nothing
+python docs/arms.py             all arms, one after another: 20 minutes to an hour
+python docs/arms.py UR5 Kinova  those whose name contains one of the words
+
+Each row is written as soon as its arm was tried, with the day; all other rows stay as they are.
 
 Each arm takes a cube of 4 cm from a small table, as a scene says it: its URDF, the link that grasps, and the joints
 that are no part of the arm locked. The table is where the arm reaches far with one of 200 random postures; what is
-below and around the robot is left away. Where it finds no plan, four places nearer to the base are tried.
+below and around the robot is left away. Where it finds no plan in a minute, four places nearer to the base are tried.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 import sys
 import tomllib
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,25 +24,33 @@ import numpy as np
 import lgp
 from lgp.kinematics.robot import urdf_of
 from lgp.kinematics.urdf import read_urdf
+from lgp.scene.model import GRIP_DEPTH
 from lgp.scene.scene_file import read_scene
 
 DOCS = Path(__file__).parent
 TABLE, PAGE = DOCS / "arms.toml", DOCS / "arms.md"
 HEIGHT, SIDE, POSTURES = 0.9, 0.04, 200
 """[m] Height of the table; side of the cube; random postures."""
+SEARCH: dict[str, Any] = {"depth": 1, "seconds": 60.0}
+"""Limits of a plan: an arm that reaches the table at all has one in a few seconds."""
+GRASPS = "grasps"
+"""Name of the hand, which no link has."""
 PLACES = (0.0, 0.1, 0.25, 0.4, 0.6)
 """Which of the postures give the place of the table, as a share of all from far to near."""
 HEAD = """# Arms that were tried
 
-Written by `python docs/arms.py`: every arm of the package example-robot-data takes a cube from a table, from its URDF
-alone ([scenes](scenes.md)). *Joints* are those between the base and the hand, *slides* and *endless* ones among them;
+Every arm of the package example-robot-data takes a cube from a table, from its URDF alone ([scenes](scenes.md)), with
+the hand of `docs/arms.toml`. *Joints* are those between the base and the hand, *slides* and *endless* ones among them;
 joints that follow another one are left out. What the [audit](planner.md) finds are contacts between bodies as the URDF
 draws them: many robots of the package stand with bodies in each other at first, or have a hand without jaws. An arm
 that is folded into itself in the middle of its joint limits starts from the first of 20 random postures in which it is
-not.
+not. A plan has a minute.
 
-| arm | URDF | hand | joints | slides | endless | plan | audit |
-|---|---|---|---|---|---|---|---|
+`python docs/arms.py` tries all of them again and writes this page, `python docs/arms.py UR5` those with UR5 in their
+name; *tried* is the day on which a row was written.
+
+| arm | URDF | hand | joints | slides | endless | plan | audit | tried |
+|---|---|---|---|---|---|---|---|---|
 """
 
 
@@ -60,13 +71,15 @@ class Outcome:
     @property
     def row(self) -> str:
         cells = (self.name, f"`{self.urdf.split('/')[-1]}`", f"`{self.hand}`", self.joints, self.slides, self.endless)
-        return f"| {' | '.join(map(str, (*cells, self.plan, self.audit)))} |"
+        day = datetime.now(UTC).date()
+        return f"| {' | '.join(map(str, (*cells, self.plan, self.audit, day)))} |"
 
 
-def arms() -> dict[str, tuple[str, str, float]]:
-    """Return name -> URDF, link that grasps, and distance of the grasping point from it [m]."""
+def arms() -> dict[str, tuple[str, dict[str, Any]]]:
+    """Return name -> URDF and hand, as scenes state it."""
     table: dict[str, Any] = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    return {name: (urdf, hand, *(reach or [0.0])) for name, (urdf, hand, *reach) in table["arms"].items()}
+    keys = ("frame", "reach", "rotation")
+    return {name: (urdf, dict(zip(keys, hand, strict=False))) for name, (urdf, *hand) in table["arms"].items()}
 
 
 def chain(urdf: str, hand: str) -> tuple[dict[str, str], list[str]]:
@@ -92,15 +105,14 @@ def chain(urdf: str, hand: str) -> tuple[dict[str, str], list[str]]:
     return own, [name for name in kinds if name not in own and name not in follows]
 
 
-def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
+def tried(name: str, urdf: str, hand: dict[str, Any]) -> Outcome:
     """Plan for one arm."""
-    own, others = chain(urdf, hand)
-    grasps = {"frame": hand, "reach": reach, "tilt": 180}
-    robot = {"model": urdf, "position": [0, 0, 0], "locked": others, "hands": {"hand": grasps}}
+    own, others = chain(urdf, hand["frame"])
+    robot = {"model": urdf, "position": [0, 0, 0], "locked": others, "hands": {GRASPS: {"tilt": 180} | hand}}
     values: dict[str, Any] = {
         "domain": "screwdriver",
-        "initial": ["on_table(cube)", "free(arm.hand)"],
-        "goal": ["grasped(arm.hand, cube)"],
+        "initial": ["on_table(cube)", f"free(arm.{GRASPS})"],
+        "goal": [f"grasped(arm.{GRASPS}, cube)"],
         "phase_seconds": 6.0,
         "robots": {"arm": robot},
         "tables": {"spot": {"position": [0, 0], "size": [0.06, 0.06], "height": HEIGHT, "thickness": 0.01}},
@@ -108,21 +120,23 @@ def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
     }
     world = lgp.World(read_scene(values, name))
     q = np.random.default_rng(0).uniform(world.lower, world.upper, (POSTURES, world.nq))
-    at = world.at(q, ["arm.hand"]).position[:, 0]
+    at = world.at(q, [f"arm.{GRASPS}"]).position[:, 0]
     farthest_first = np.argsort(-np.linalg.norm(at[:, :2], axis=1))
     kinds = list(own.values())
-    result = Outcome(name, urdf, hand, world.nq, kinds.count("prismatic"), kinds.count("continuous"), False, "", "")
+    result = Outcome(
+        name, urdf, hand["frame"], world.nq, kinds.count("prismatic"), kinds.count("continuous"), False, "", ""
+    )
     without = ""
-    for place in PLACES:
+    for place, accept in (*((place, False) for place in PLACES), (PLACES[0], True)):
         target = at[farthest_first[int(place * (POSTURES - 1))]]
-        robot["position"] = [0, 0, float(HEIGHT + SIDE / 2 - target[2])]
+        robot["position"] = [0, 0, float(HEIGHT + SIDE - GRIP_DEPTH - target[2])]
         values["tables"]["spot"]["position"] = target[:2].tolist()
         scene = read_scene(values, name)
-        plan, start = planned(scene, q)
-        reason = plan.reason
-        if not reason:
+        plan, start = planned(scene, q, accept)
+        reason = plan.reason if plan else start
+        if plan and not reason:
             break
-        if not without and lgp.plan(scene, cost=None, depth=1, collisions=False, accept_start=True).feasible:
+        if not without and lgp.plan(scene, cost=None, **SEARCH, collisions=False, accept_start=True).feasible:
             without = f"without bodies only: {reason}"
     else:
         return replace(result, plan=without or f"none: {reason}", audit="-")
@@ -133,29 +147,36 @@ def tried(name: str, urdf: str, hand: str, reach: float) -> Outcome:
     return replace(result, planned=True, plan=start, audit=found)
 
 
-def planned(scene: lgp.Scene, starts: np.ndarray) -> tuple[lgp.Plan, str]:
+def planned(scene: lgp.Scene, starts: np.ndarray, accept: bool) -> tuple[lgp.Plan | None, str]:
     """Return a plan and from where: the middle of the joint limits, else the first of some configurations (n, nq) in
-    which no bodies are in each other."""
+    which no bodies are in each other; where they are in all of them, None, or a plan if that is accepted."""
     try:
-        return lgp.plan(scene, cost=None, depth=1), "yes"
-    except lgp.LgpError:
+        return lgp.plan(scene, cost=None, **SEARCH), "yes"
+    except lgp.LgpError as error:
         for start in starts[:20]:
             try:
-                return lgp.plan(scene, cost=None, depth=1, start=start), "yes, from another posture"
+                return lgp.plan(scene, cost=None, **SEARCH, start=start), "yes, from another posture"
             except lgp.LgpError:
                 continue
-    return lgp.plan(scene, cost=None, depth=1, accept_start=True), "yes, from a start with bodies in each other"
+        if not accept:
+            return None, str(error)
+    return lgp.plan(scene, cost=None, **SEARCH, accept_start=True), "yes, from a start with bodies in each other"
+
+
+def rows() -> dict[str, str]:
+    """Return name -> row of every arm on the page."""
+    lines = PAGE.read_text(encoding="utf-8").splitlines() if PAGE.exists() else []
+    return {line.split(" | ")[0].removeprefix("| "): line for line in lines if line.startswith("| ")}
 
 
 def main(words: list[str]) -> None:
-    chosen = {name: arm for name, arm in arms().items() if not words or any(word in name for word in words)}
-    rows = []
-    for name, arm in chosen.items():
-        rows.append(tried(name, *arm).row)
-        sys.stdout.write(rows[-1] + "\n")
+    names = arms()
+    for name in [name for name in names if not words or any(word in name for word in words)]:
+        row = tried(name, *names[name]).row
+        sys.stdout.write(row + "\n")
         sys.stdout.flush()
-    if not words:
-        PAGE.write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")
+        known = rows() | {name: row}
+        PAGE.write_text(HEAD + "".join(known[arm] + "\n" for arm in names if arm in known), encoding="utf-8")
 
 
 if __name__ == "__main__":

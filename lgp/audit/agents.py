@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lgp.audit.joint_tree import BASE, Frame, TreeJoint, about, chain_of
+from lgp.audit.joint_tree import BASE, Frame, TreeJoint, about, chain_of, turned
 from lgp.audit.robot_file import RobotFile, robot_file
 from lgp.audit.shapes import PERSON, ROBOT, Body, capsule
 from lgp.errors import WorldError
@@ -16,7 +16,7 @@ from lgp.kinematics.human_speeds import speed_limit
 from lgp.kinematics.leg_ik import rest_posture
 from lgp.kinematics.robot import urdf_of
 from lgp.scene.joint_units import unit_of
-from lgp.scene.model import Agent, Human, Robot
+from lgp.scene.model import Agent, Hand, Human, Robot
 from reba.arrays import Array
 
 
@@ -97,7 +97,7 @@ def person_model(person: Human) -> AgentModel:
         rotation=_upright(person.yaw),
         position=np.array(person.position),
         fixed=fixed | _stated(person, slides),
-        hands={hand.full: _grip(frames[hand.frame], hand.reach) for hand in person.hands},
+        hands={hand.full: _grip(frames[hand.frame], hand) for hand in person.hands},
         parts=tuple(parts),
         legs=legs,
         soles=soles if person.legs == "planted" else {},
@@ -123,8 +123,9 @@ def _stated(agent: Agent, slides: set[str]) -> dict[str, float]:
     return {name: unit_of(name in slides).to_si(value) for name, value in full.items()}
 
 
-def _grip(frame: Frame, reach: float) -> Frame:
-    return frame.then(np.eye(3), np.array([0.0, 0.0, reach]))
+def _grip(frame: Frame, hand: Hand) -> Frame:
+    turn = turned(hand.rotation)
+    return frame.then(turn, hand.reach * turn[:, 2])
 
 
 def robot_model(robot: Robot) -> AgentModel:
@@ -144,7 +145,7 @@ def robot_model(robot: Robot) -> AgentModel:
     for hand in robot.hands:
         if hand.frame not in file.frames:
             raise WorldError(f"{path}: has no link or joint {hand.frame!r}; correct the frame of {hand.full}")
-        hands[hand.full] = _grip(file.frames[hand.frame], hand.reach)
+        hands[hand.full] = _grip(file.frames[hand.frame], hand)
     parts = tuple(
         (Body(f"{robot.name}.{link}", ROBOT, robot.name, frame.on, shape), frame) for link, frame, shape in file.parts
     )

@@ -12,7 +12,7 @@ from lgp.audit.agents import AgentModel
 from lgp.audit.contacts import allowed_depths
 from lgp.audit.faults import HANDS_ROUNDING, TOUCHING, Audit, Depth, Extreme, Fault
 from lgp.audit.jaws import carriers, jaw_values, too_wide
-from lgp.audit.joint_tree import BASE, about
+from lgp.audit.joint_tree import BASE, turned
 from lgp.audit.joints import beyond_limits, fastest, feet_leave
 from lgp.audit.neighbours import neighbours
 from lgp.audit.penetration import deepest
@@ -138,9 +138,7 @@ def _standing(table: Table) -> tuple[Array, Array]:
 
 def _obstacles(scene: Scene) -> Iterator[tuple[Body, Array, Array]]:
     for name, item in fixed_bodies(scene).items():
-        vector = np.radians(item.rotation)
-        angle = float(np.linalg.norm(vector))
-        turn = about(vector / angle, np.array([angle]))[0] if angle > 0.0 else np.eye(3)
+        turn = turned(item.rotation)
         shape, middle = _obstacle_shape(item)
         yield Body(name, OBSTACLE, name, BASE, shape), turn, np.array(item.position) + turn @ middle
 

@@ -116,6 +116,16 @@ def about(axis: Array, angle: Array) -> Array:
     return np.asarray(np.eye(3) + sine * across + (1.0 - cosine) * (across @ across))
 
 
+def turned(vector: Sequence[float]) -> Array:
+    """Return the rotation (3, 3) by a rotation vector [deg].
+
+    >>> turned((0.0, 0.0, 90.0)).round(6)[0].tolist()
+    [0.0, -1.0, 0.0]
+    """
+    angle = float(np.linalg.norm(vector))
+    return about(np.array(vector) / angle, np.radians([angle]))[0] if angle > 0.0 else np.eye(3)
+
+
 def attached(rotations: Array, positions: Array, frames: Sequence[Frame]) -> tuple[Array, Array]:
     """Return rotations (m, T, 3, 3) and positions (m, T, 3) of m frames on the joints of a tree."""
     on = [frame.on for frame in frames]

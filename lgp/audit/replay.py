@@ -10,7 +10,7 @@ import numpy as np
 
 from lgp.audit.faults import LEVEL, TOUCHING, Fault
 from lgp.audit.grips import direction_error, grip_error, tilt_error, tool_errors
-from lgp.audit.joint_tree import about
+from lgp.audit.joint_tree import turned
 from lgp.audit.own_constraints import own_errors
 from lgp.audit.resting import put_down_errors, rest_pose, resting_errors
 from lgp.audit.samples import Poses, Samples
@@ -102,10 +102,7 @@ def _first_poses(samples: Samples, name: str) -> Poses:
     if not item.hand:
         rotation, position = rest_pose(samples.plan.scene.tables[item.on], item)
         return np.repeat(rotation[None], samples.count, axis=0), np.repeat(position[None], samples.count, axis=0)
-    vector = np.radians(item.in_hand[3:])
-    angle = float(np.linalg.norm(vector))
-    turn = about(vector / angle, np.array([angle]))[0] if angle > 0.0 else np.eye(3)
-    return _carried(samples.hands[item.hand], turn, np.array(item.in_hand[:3]))
+    return _carried(samples.hands[item.hand], turned(item.in_hand[3:]), np.array(item.in_hand[:3]))
 
 
 def _carried(carrier: Poses, turn: Array, offset: Array) -> Poses:

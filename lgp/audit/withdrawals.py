@@ -2,7 +2,7 @@
 
     given to another hand    the one that gave it is `BACK` from the object before this moves off
     put down                 the one that put it is `BACK` from it before a hand of another agent, or the one that takes
-                             it next, is within `NEAR`; hands that hold something still may be there
+                             it next, is within `NEAR`; hands that hold something still, or put it down too, may be
 
 Distances are those of grip points to the body of the object.
 """
@@ -61,6 +61,7 @@ def _put_down(run: Replay, name: str, given: Span, after: Span) -> Iterator[Faul
     away = _distances(run, given.first, name)[first:last] >= BACK - TOUCHING
     back = first + (int(away.argmax()) if away.any() else len(away))
     still = {hold.first for hold in run.holds if (hold.begin or 0) <= first and (hold.end is None or hold.end > first)}
+    still |= {touch.first for touch in run.touches if touch.second == name and touch.end in (None, first)}
     takes_next = next((span.first for span in run.spans[name] if span.begin == after.end), "")
     for hand, one in run.scene.hands.items():
         other = one.agent != run.scene.hands[given.first].agent or hand == takes_next

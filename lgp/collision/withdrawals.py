@@ -2,8 +2,8 @@
 
     the hand that let go     grip point `DRAWN_BACK` away once it had `DRAW_BACK_SECONDS`, and from then on while it
                              acts on nothing else, which may be beside the object, until it acts on it again
-    hands of other agents    grip point `NOT_YET` away until then, unless they hold something still; the one that takes
-                             the object next, also while the first one acts on something else
+    hands of other agents    grip point `NOT_YET` away until then, unless they hold something still or put it down too;
+                             the one that takes the object next, also while the first one acts on something else
     the hand that took it    at rest until then, with all joints that move it (`Clock.draw_back`)
 
 Distances are those of grip points to the body of the object.
@@ -78,7 +78,7 @@ def declared_withdrawals(modes: ModeSequence, clock: Clock) -> Iterator[Withdraw
         back = let_go if at_last else _drawn_back(clock, number + 1)
         if not switch.giver:
             others = {hand for hand in modes.world.scene.hands if _agent(hand) != _agent(giver)} | set(next_hands)
-            for hand in sorted(others - {giver} - _standing_still(modes, number)):
+            for hand in sorted(others - {*switch.hands} - _standing_still(modes, number)):
                 yield Withdrawal(hand, switch.object_name, NOT_YET, let_go, back + 2.0 * SAME)
         if at_last:
             continue

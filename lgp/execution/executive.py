@@ -19,7 +19,7 @@ from lgp.execution.predicates import (
     PredicateState,
     all_hold,
     check,
-    closed_grippers,
+    closing_grippers,
     end_of,
     first_failing,
     gripper_commands,
@@ -300,9 +300,9 @@ class Executive:
         if self._attempts >= self.settings.attempts:
             self._fail(f"{self._label} was not finished in time: {why}", f"This step was not finished in time: {why}")
             return
-        adds = [atom for action in self._actions for atom in self.planner.task.holding(action.adds)]
-        for hand in closed_grippers(self.planner.plan.scene, adds):
-            self.robots.grip(hand, False)
+        for action in self._actions:
+            for hand, _ in closing_grippers(self.planner.plan.scene, self.planner.task, action):
+                self.robots.grip(hand, False)
         self.phase, self._restarts = None, True
         self._enter("waiting")
         self.on_event("waiting", "timeout", "The action takes too long and is repeated.", {"why": why})

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from lgp.execution.tracking import TrackedWorld
+from lgp.kinematics.actions import kind_of
 from lgp.logic.task import Action, Atom, Task
 from lgp.scene.model import Scene
 
@@ -31,7 +32,8 @@ class Predicate:
         state = evaluate_predicate(view, self.atom, nominal)
         if self.wanted or state.holds is None:
             return PredicateState(state.holds, state.why or f"{self} does not hold")
-        return PredicateState(not state.holds, f"{self.atom} holds")
+        said = TRUE.get(self.atom.predicate)
+        return PredicateState(not state.holds, said.format(*self.atom.arguments) if said else f"{self.atom} holds")
 
 
 def start_of(task: Task, action: Action) -> tuple[Predicate, ...]:
@@ -98,10 +100,11 @@ def grasped(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
     return state
 
 
-def free(view: TrackedWorld, hand: str) -> PredicateState:
+def free(view: TrackedWorld, hand: str, nominal: bool = True) -> PredicateState:
     """Return whether a hand is empty: a gripper is open, a human hand has no object that is off the tables.
 
-    An object at several hands may be in any of them.
+    An object at a hand may also be in another one, in both, or stand on a table while the hand takes it: the hand is
+    then as `nominal`, as the plan has it.
     """
     if not _human(view, hand):
         return PredicateState(hand not in view.now.closed, f"{hand} is closed")
@@ -109,7 +112,8 @@ def free(view: TrackedWorld, hand: str) -> PredicateState:
         if view.seen(object_name) is None or view.gap(hand, object_name) > view.tolerances.reach:
             continue
         others = (other for other in view.world.scene.hands if other != hand)
-        if not view.table_under(object_name) and not any(holding(view, one, object_name).holds for one in others):
+        alone = not view.table_under(object_name) and not any(holding(view, one, object_name).holds for one in others)
+        if alone or not nominal:
             return PredicateState(False, f"{hand} has {object_name}")
     return PredicateState(True)
 
@@ -168,6 +172,16 @@ RECOGNISERS: Final[dict[str, Callable[..., PredicateState]]] = {
     "screwed": screwed,
 }
 """PDDL predicate -> its geometric meaning; all others hold as in the plan."""
+TRUE: Final = {
+    "grasped": "{} has {}",
+    "free": "{} is free",
+    "on_table": "{} lies on a table",
+    "placed": "{} lies on {}",
+    "holding": "{} holds {}",
+    "held": "{} is held",
+    "screwed": "{} is screwed to {}",
+}
+"""What these predicates say where they must not hold."""
 ACHIEVED = ("held", "holding", "screwed")
 """Predicates that only an action makes true: a hand may be where it would hold or screw without doing so."""
 
@@ -177,7 +191,7 @@ def evaluate_predicate(view: TrackedWorld, atom: Atom, nominal: bool) -> Predica
     known = RECOGNISERS.get(atom.predicate)
     if known is None or (atom.predicate in ACHIEVED and not nominal):
         return PredicateState(nominal, f"{atom} does not hold by the plan")
-    return known(view, *atom.arguments)
+    return free(view, atom.arguments[0], nominal) if known is free else known(view, *atom.arguments)
 
 
 def _unsure(view: TrackedWorld, object_name: str) -> str:
@@ -202,6 +216,15 @@ def closed_grippers(scene: Scene, atoms: Iterable[Atom]) -> frozenset[str]:
     return frozenset(hand for hand in hands if not scene.hands[hand].human)
 
 
+def closing_grippers(scene: Scene, task: Task, action: Action) -> list[tuple[str, str]]:
+    """Return the grippers that an action closes, each with its object: also that of a second hand that carries."""
+    pairs = [atom.arguments for atom in task.holding(action.adds) if atom.predicate in CLOSING]
+    kind = kind_of(action.name)
+    if kind is not None and kind.attaches_to == "hand" and "second" in kind.roles:
+        pairs.append(tuple(action.arguments[kind.roles.index(role)] for role in ("second", "object")))
+    return [(hand, name) for hand, name in pairs if not scene.hands[hand].human]
+
+
 def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tuple[str, bool]]:
     """Return the grippers that close (True) or open (False) at the end of an action's motion.
 
@@ -209,12 +232,8 @@ def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tup
     """
     scene, adds = view.world.scene, task.holding(action.adds)
     object_names = [name for name in action.arguments if name in scene.objects]
-    closing = closed_grippers(scene, adds)
-    commands = [
-        (atom.arguments[0], True)
-        for atom in adds
-        if atom.predicate in CLOSING and atom.arguments[0] in closing and reached(view, *atom.arguments).holds
-    ]
+    closing = closing_grippers(scene, task, action)
+    commands = [(hand, True) for hand, name in closing if reached(view, hand, name).holds]
     for hand in (atom.arguments[0] for atom in adds if atom.predicate == "free"):
         takers = [name for name in action.arguments if name in scene.hands and name != hand]
         given = all(holding(view, taker, name).holds for taker in takers for name in object_names)

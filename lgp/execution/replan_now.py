@@ -11,6 +11,7 @@ import numpy as np
 from lgp.agent_trajectory import configurations_at
 from lgp.defaults import COST
 from lgp.errors import LgpError
+from lgp.execution.predicates import CLOSING
 from lgp.execution.retarget import Planner
 from lgp.execution.tracking import Observation, Tolerances, TrackedPose, TrackedWorld, box_gap
 from lgp.plan_record import Plan
@@ -110,14 +111,17 @@ def _objects(planner: Planner, number: int, q: Array, poses: Mapping[str, Any]) 
 
 
 def _closed(planner: Planner, number: int, q: Array, seen: Mapping[str, tuple[Array, Array]]) -> Iterator[str]:
-    """Yield the hands that by the plan have an object after `number` actions, and are still at it."""
+    """Yield the grippers that by the plan have an object or hold it after `number` actions, and are still at it."""
     motion, scene = planner.motion, planner.plan.scene
     hands = motion.world.at(q[None], scene.hands)
-    for name, pose in seen.items():
-        hand = motion.modes.attachment(name, number).parent
-        if hand in scene.hands:
+    has = {(motion.modes.attachment(name, number).parent, name) for name in seen}
+    has |= {(atom.arguments[0], atom.arguments[1]) for atom in planner.nominal(number) if atom.predicate in CLOSING}
+    seconds = motion.modes.second_intervals
+    has |= {(hand, motion.modes.switches[k].object_name) for hand, k, last in seconds if k < number <= last}
+    for hand, name in sorted(has):
+        if hand in scene.hands and not scene.hands[hand].human:
             point = hands.position[0, hands.index[hand]]
-            if box_gap(point, TrackedPose(*pose, 0.0), scene.objects[name]) <= Tolerances().reach:
+            if box_gap(point, TrackedPose(*seen[name], 0.0), scene.objects[name]) <= Tolerances().reach:
                 yield hand
 
 

@@ -56,7 +56,7 @@ def atoms_now(view: TrackedWorld, task: Task, nominal: AbstractSet[Atom]) -> tup
         elif atom.predicate == "grasped":
             hand, object_name = atom.arguments
             holds = carriers[object_name] == hand
-        elif atom.predicate == "on_table":
+        elif atom.predicate in ("on_table", "placed"):
             holds = state.holds and not carriers[atom.arguments[0]]
         elif atom.predicate == "free":
             holds = state.holds and atom.arguments[0] not in carriers.values()

@@ -204,8 +204,10 @@ def _contradiction(name: str, kind: ActionKind) -> str:
     if kind.holds_still and kind.attaches_to:
         return "holds_still and attaches_to exclude each other; leave one of them out"
     for one in kind.constraints:
-        if not isinstance(one, ActionConstraint) or not callable(one.feature) or one.unit not in ("m", "rad", ""):
-            return f"constraint {one!r}, expected an `ActionConstraint` with a function and the unit 'm', 'rad' or ''"
+        if not isinstance(one, ActionConstraint) or not callable(one.feature):
+            return f"constraint {one!r}, expected an `ActionConstraint` with a function"
+        if one.unit not in ("m", "rad", ""):
+            return f"unit of {one.says!r} is {one.unit!r}, expected 'm', 'rad' or ''"
     known_fields = FILLED | set(kind.roles)
     for text in kind.sentences.texts if kind.sentences else ():
         fields = {field for _, field, _, _ in string.Formatter().parse(text) if field is not None}

@@ -182,6 +182,9 @@ def _check(name: str, values: object, count: int, nq: int) -> TermValues:
             f"cost term {name!r} returns shapes {', '.join(map(str, shapes))} in {count} configurations, expected "
             f"({count},), ({count}, {nq}) and ({count}, m, {nq}); correct it"
         )
+    for part in (values.value, values.gradient, values.factor):
+        if not np.isfinite(part).all():
+            raise LgpError(f"cost term {name!r} has {part[~np.isfinite(part)][0]}, expected finite numbers; correct it")
     if (values.value < 0.0).any():
         raise LgpError(f"cost term {name!r} is {values.value.min():.3g}, expected 0 or more; add a constant")
     return values

@@ -19,6 +19,7 @@ from lgp.kinematics.urdf import read_urdf
 from lgp.scene.joint_units import JointUnit, unit_of
 from lgp.scene.model import Agent, Robot
 from lgp.scene.scene_file import known_robots
+from reba.arrays import Array
 from reba.errors import did_you_mean
 from reba.extras import missing
 
@@ -78,7 +79,8 @@ def urdf_of(model: str, packages: tuple[str, ...] = ()) -> Path:
         return path
     known = known_robots()
     if model not in known and path.suffix != ".urdf":
-        hint = did_you_mean(model, known)
+        xacro = f"; write that file with: xacro {path.name} > {path.name.partition('.')[0]}.urdf"
+        hint = xacro if path.suffix == ".xacro" else did_you_mean(model, known)
         raise WorldError(f"robot model is {model!r}, expected {', '.join(known)} or the path of a .urdf file{hint}")
     if path.is_absolute() or model.startswith("."):
         raise WorldError(
@@ -181,5 +183,19 @@ def locked_model(agent_model: JointedModel, agent: Agent, patterns: tuple[str, .
             fixed[joint.idx_q] = value
     moving = {name: one for name, one in couplings.items() if name not in locked}
     numbers = [model.getJointId(name) for name in names if name in locked]
-    reduced = pin.buildReducedModel(model, numbers, fixed) if numbers else model
-    return JointedModel(reduced, agent_model.units, moving)
+    return JointedModel(_reduced(model, numbers, fixed) if numbers else model, agent_model.units, moving)
+
+
+def _reduced(model: pin.Model, numbers: list[int], fixed: Array) -> pin.Model:
+    """Return a model without some of its joints, which Pinocchio looks for by names that links may have as well."""
+    import pinocchio as pin
+
+    model, names, aside = model.copy(), set(model.names), " (link)"
+    links = [number for number, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
+    for number in links:
+        if model.frames[number].name in names:
+            model.frames[number].name += aside
+    reduced = pin.buildReducedModel(model, numbers, fixed)
+    for number in range(reduced.nframes):
+        reduced.frames[number].name = reduced.frames[number].name.removesuffix(aside)
+    return reduced

@@ -235,6 +235,8 @@ def _joint(joint: ET.Element, where: str) -> None:
         if lower > upper:
             raise WorldError(f"{where}: lower is {lower:g} and upper {upper:g}, expected lower below upper")
         for key in ("effort", "velocity"):
+            if key not in limit.attrib:
+                raise WorldError(f"{where}: <limit> has no {key}, which URDF requires; add it, in SI units")
             get(limit, key, 1, default="0", low=0.0, high=_NO_LIMIT)
     for tag, keys in (("mimic", ("multiplier", "offset")), ("dynamics", ("damping", "friction"))):
         if (element := joint.find(tag)) is not None:

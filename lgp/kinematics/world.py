@@ -323,7 +323,9 @@ class World:
         """Add the grasping point of each end-effector as a frame under its full name."""
         for full, hand in self.scene.hands.items():
             if self.model.existFrame(full):
-                continue
+                if hand.frame == hand.name and not hand.reach and not any(hand.rotation):
+                    continue
+                raise WorldError(f"{full}: is a link or joint of {hand.agent} elsewhere; give the hand another name")
             if not self.model.existFrame(f"{hand.agent}.{hand.frame}"):
                 own = [
                     frame.name.partition(".")[2]
@@ -333,7 +335,8 @@ class World:
                 hint = did_you_mean(hand.frame.removeprefix(f"{hand.agent}."), own)
                 raise WorldError(f"{full}: frame is {hand.frame!r}, expected a link or joint of {hand.agent}{hint}")
             base = self.model.frames[self.frame_id(f"{hand.agent}.{hand.frame}")]
-            offset = base.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, hand.reach]))
+            turn = pin.exp3(np.radians(hand.rotation))
+            offset = base.placement * pin.SE3(turn, hand.reach * turn[:, 2])
             self.model.addFrame(pin.Frame(full, base.parentJoint, offset, pin.FrameType.OP_FRAME))
 
     def _planted(self) -> Mapping[str, tuple[Array, Array]]:

@@ -22,6 +22,7 @@ from reba.open_file import read_settings
 SUPPORTED: Final = frozenset(
     {":strips", ":typing", ":negative-preconditions", ":equality", ":conditional-effects", ":action-costs"}
 )
+ALL: Final = ", ".join(sorted(SUPPORTED))
 EQUAL: Final = "="
 """The predicate of an equality; it is decided when parameters are bound."""
 COST: Final = "total-cost"
@@ -140,7 +141,12 @@ def parse_domain(text: str, where: str = "domain") -> PddlDomain:
         place = f"line {error.line}, column {error.column}"
         raise LogicError(f"{where}: {place}: {_unexpected(error)}; check the brackets and keywords there") from error
     except (LarkError, PDDLError, ValueError, AssertionError, TypeError, KeyError, RecursionError) as error:
-        reason = " ".join(str(getattr(error, "orig_exc", error)).split())
+        reason = " ".join(str(getattr(error, "orig_exc", error)).split()).removesuffix(".")
+        lacking = re.search(r"requirement, (:[\w-]+) not|(numeric-fluents) requirement", reason)
+        if lacking:
+            name = lacking[1] or f":{lacking[2]}"
+            what = "not stated; add it to its :requirements" if name in SUPPORTED else f"not supported; use {ALL}"
+            raise LogicError(f"{where}: needs the requirement {name}, which is {what}") from error
         raise LogicError(f"{where}: {_blame(text, reason)}{reason}; correct the domain") from error
     return _checked(_convert(parsed, text, where), text, where)
 
@@ -169,8 +175,7 @@ def _convert(parsed: Any, text: str, where: str) -> PddlDomain:
     unsupported = sorted(one for one in requirements if f":{one.lstrip(':')}" not in SUPPORTED)
     if unsupported:
         raise LogicError(
-            f"{where}: {_place(text, unsupported[0])}requirement {unsupported[0]} is not supported; "
-            f"use {', '.join(sorted(SUPPORTED))}"
+            f"{where}: {_place(text, unsupported[0])}requirement {unsupported[0]} is not supported; use {ALL}"
         )
 
     def kinds(term: Any) -> frozenset[str]:

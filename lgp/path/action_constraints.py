@@ -130,6 +130,7 @@ class _Block:
         feature = _asked(modes, self.number, self.constraint, moment)
         if not self.asked.issuperset(moment.asked):
             raise _wrong(modes, self.number, self.constraint, "asks for other frames than at first", "the same ones")
+        _check_finite(modes, self.number, self.constraint, feature)
         nq = q.shape[1]
         return Feature(feature.value, feature.jacobian[:, :, np.concatenate([self.joints, nq + self.variables])])
 
@@ -154,6 +155,13 @@ def _asked(modes: ModeSequence, number: int, constraint: ActionConstraint, momen
     what = f"action {modes.switches[number].kind!r}: its constraint {constraint.says!r}"
     feature: Feature = ask(what, constraint.feature, moment)
     return feature
+
+
+def _check_finite(modes: ModeSequence, number: int, constraint: ActionConstraint, feature: Feature) -> None:
+    for what, numbers in (("value", feature.value), ("Jacobian", feature.jacobian)):
+        if not np.isfinite(numbers).all():
+            bad = numbers[~np.isfinite(numbers)][0]
+            raise _wrong(modes, number, constraint, f"has {bad} in its {what}", "finite numbers")
 
 
 def _wrong(modes: ModeSequence, number: int, constraint: ActionConstraint, given: str, expected: str) -> LgpError:
@@ -277,6 +285,7 @@ def _block(modes: ModeSequence, number: int, switched: int, constraint: ActionCo
     if not rows or (feature.value.shape, feature.jacobian.shape) != expected:
         shapes = f"has values {feature.value.shape} and a Jacobian {feature.jacobian.shape} in 2 configurations"
         raise _wrong(modes, number, constraint, shapes, f"(2, m) and (2, m, {world.nq + modes.size})")
+    _check_finite(modes, number, constraint, feature)
     support = [world.support(frame) for frame in moment.computed]
     objects = [name for name in moment.asked if name in world.scene.objects]
     held = [modes.attachment(name, switched).variables for name in objects]

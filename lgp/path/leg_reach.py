@@ -70,13 +70,14 @@ class LegConstraints:
         self.world, self.phases, self.initial_configuration = world, phases, initial_configuration
         self.reach = LegReachConstraint(world, person)
         self.points = np.zeros(0, np.intp)
+        self._at_start = max(float(self.reach.evaluate(initial_configuration[None])[0][0]), 0.0)
 
     def __len__(self) -> int:
         return len(self.points)
 
     def add_violated(self, q: Array, z: Array) -> int:
         """Add the points of a path (T, nq) where a leg is too short, the worst of each slice; return how many."""
-        short = self.reach.evaluate(self._between(q, np.arange(self.phases.total * SAMPLES)))[0]
+        short = self._short(q, np.arange(self.phases.total * SAMPLES))
         by_slice = short.reshape(-1, SAMPLES)
         slices = np.flatnonzero(by_slice.max(axis=1) > SHORT)
         new = np.setdiff1d(slices * SAMPLES + by_slice[slices].argmax(axis=1), self.points)
@@ -97,7 +98,7 @@ class LegConstraints:
 
     def evaluate(self, q: Array, z: Array) -> Array:
         """Return the rows (m,) [m] at a path (T, nq)."""
-        return self.reach.evaluate(self._between(q, self.points))[0] if len(self) else np.zeros(0)
+        return self._short(q, self.points) if len(self) else np.zeros(0)
 
     def gradients(self, q: Array, z: Array) -> list[Array]:
         """Return the entries of the gradient of each row."""
@@ -119,6 +120,11 @@ class LegConstraints:
     def hessian(self, q: Array, z: Array, y: Array) -> list[Array]:
         """Return no curvature."""
         return []
+
+    def _short(self, q: Array, points: Indices) -> Array:
+        """Return by how much legs are too short at some points, before the first slice beyond that of the start."""
+        short = self.reach.evaluate(self._between(q, points))[0]
+        return np.asarray(short - np.where(points < SAMPLES, self._at_start, 0.0))
 
     def _between(self, q: Array, points: Indices) -> Array:
         return interpolate(self._knots(q), *place_of(points))

@@ -8,7 +8,7 @@ them: `placed`, `on_table`, `grasped`, `free`.
 from __future__ import annotations
 
 from lgp.errors import SceneError
-from lgp.logic.task import parse_atom
+from lgp.logic.task import Atom, parse_atom, parse_goal
 from lgp.scene.footing import LEAST_SHARE, first_share, footprint
 from lgp.scene.model import Scene
 
@@ -27,6 +27,7 @@ def check_first_facts(scene: Scene) -> None:
         >>> check_first_facts(load_scene("screwdriver"))
     """
     facts = [parse_atom(text) for text in scene.initial]
+    unwanted = parse_goal(scene.goal)[1]
     placed: dict[str, list[str]] = {}
     for fact in facts:
         if fact.predicate == "placed" and len(fact.arguments) == 2:
@@ -60,6 +61,11 @@ def check_first_facts(scene: Scene) -> None:
                 f"{where} of {foot} m has {share:.0%} of its footprint on {item.on}, expected {LEAST_SHARE:.0%} or "
                 "more; move it, or correct its size"
             )
+        for fact in (Atom("placed", (name, item.on)), Atom("on_table", (name,))):
+            if fact in unwanted and fact not in facts:
+                raise SceneError(
+                    f"{where} is on {item.on}, the goal is not {fact}, but `initial` has no {fact}; add the fact"
+                )
         if name in placed and item.on not in placed[name]:
             raise SceneError(
                 f"{where} is on {item.on}, but `initial` says placed({name}, {placed[name][0]}); correct one of them"

@@ -27,14 +27,13 @@ class Hand:
 
     Attributes:
         name: name inside the agent; `full` joins both.
-        frame: frame of the agent's model, z in the direction of approach.
-        reach: distance from the frame to the grasping point, along z [m].
+        frame: frame of the agent's model; its axes turned by `rotation`, a rotation vector [deg], are those of the
+            hand: z in the direction of approach. reach: distance from there to the grasping point, along this z [m].
         kind: its type in the PDDL domain.
         tilt: largest angle [deg] between its z and straight down when it works at a table; 180 allows any.
         freedom: rotation of an object relative to the hand: "free", about the "axis" z only, about the axis y of a
             "jaw", or "fixed".
-        payload: largest mass that it carries [kg]; infinite where the scene states none.
-        human: whether it is a person's.
+        payload: largest mass that it carries [kg]; infinite where the scene states none. human: of a person.
     """
 
     agent: str
@@ -46,6 +45,7 @@ class Hand:
     freedom: str
     payload: float = math.inf
     human: bool = False
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def full(self) -> str:

@@ -254,6 +254,7 @@ def _hand(agent: str, name: str, entries: TomlTable, known: Mapping[str, Any]) -
         tilt=entries.number("tilt", 90.0, 0.0, 180.0),
         freedom=entries.text("freedom", "free", FREEDOMS),
         payload=payload_of(entries, float(known.get("payload", math.inf))),
+        rotation=entries.vector("rotation", 3, (0.0, 0.0, 0.0), -360.0, 360.0),
     )
     entries.done()
     return hand

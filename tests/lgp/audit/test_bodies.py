@@ -21,6 +21,7 @@ from lgp.audit.replay import replay
 from lgp.audit.robot_file import robot_file
 from lgp.audit.samples import Samples
 from lgp.audit.shapes import ball, box, capsule, cylinder, mesh
+from lgp.errors import WorldError
 from lgp.kinematics.human import human_model
 from lgp.kinematics.world import World
 from lgp.plan_record import Plan
@@ -28,6 +29,8 @@ from lgp.scene.model import Human, Robot
 from lgp.scene.scene_file import load_scene
 from tests.support.gantry import BELOW, BOX, GRIP, JOINTS, START, TAKE, carried, made_plan, scene_values, through
 from tests.support.lgp_worlds import anywhere, human_world, needs_robots, screwdriver_world
+from tests.support.robot_files import LIFT_ARM, arm_world
+from tests.support.says import says
 
 TURN = about(np.array([0.6, 0.0, 0.8]), np.array([0.7]))[0]
 
@@ -59,6 +62,43 @@ def test_robots_stand_where_pinocchio_has_them() -> None:
     assert agreement(screwdriver_world()) < 1e-12
     panda = load_scene("screwdriver_panda")
     assert agreement(World(panda)) < 1e-12
+
+
+@pytest.mark.parametrize("rotation", [[0, 90, 0], [180, 0, 0], [10, -20, 200]])
+def test_a_hand_whose_axes_are_not_those_of_its_frame(rotation: list[float], tmp_path: Path) -> None:
+    hands = {"own": {"frame": "l5", "reach": 0.12, "rotation": rotation}, "tcp": {"frame": "tcp"}}
+    world = arm_world(tmp_path, hands=hands)
+    assert agreement(world) < 1e-12
+    frames = world.at(anywhere(world, 5), ["arm.tcp", "arm.own"])
+    same = [
+        np.allclose(frames.placement(hand).position, frames.placement("arm.own").position)
+        for hand in ("arm.tcp", "arm.own")
+    ]
+    assert same == [rotation == [0, 90, 0], True], "the link `tcp` is there, its z along x of the link before it"
+    turns = frames.placement("arm.tcp").rotation.transpose(0, 2, 1) @ frames.placement("arm.own").rotation
+    np.testing.assert_allclose(turns, turns[:1].repeat(5, axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "hand", [{"frame": "l5"}, {"frame": "tcp", "reach": 0.1}, {"frame": "tcp", "rotation": [0, 0, 9]}]
+)
+def test_a_hand_is_not_named_as_a_link_elsewhere(hand: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(WorldError) as error:
+        arm_world(tmp_path, hands={"tcp": hand})
+    says(error, "arm.tcp", "is a link or joint of arm elsewhere", "another name")
+
+
+@pytest.mark.parametrize("locked", [[], ["l5", "fl"], ["*"]])
+def test_links_may_have_the_names_of_joints(locked: list[str], tmp_path: Path) -> None:
+    named = {"lift": "l0", "pan": "l1", "shoulder": "l2", "elbow": "l3", "level": "l4", "wrist": "l5", "f1": "fl"}
+    urdf = LIFT_ARM.replace('"tcp_joint"', '"tcp"').replace('"f2"', '"fr"')
+    for joint, link in named.items():
+        for tag in ("<joint name", "<mimic joint"):
+            urdf = urdf.replace(f'{tag}="{joint}"', f'{tag}="{link}"')
+    world = arm_world(tmp_path, urdf, locked=locked, hands={"own": {"frame": "l5"}, "tcp": {"frame": "tcp"}})
+    free = [] if locked == ["*"] else [f"arm.{name}" for name in named.values() if name not in locked]
+    assert sorted(world.joints) == sorted(free)
+    assert agreement(world) < 1e-12
 
 
 def test_joints_that_follow_another_and_limits_are_those_of_the_urdf(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from lgp.execution.retarget import Planner
 from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.scene.scene_file import read_scene
 from tests.support.gantry import HEIGHT, SECONDS, scene_values
+from tests.support.lgp_worlds import HUMAN_ONLY
 from tests.support.says import says
 
 GRASP, PLACE = "grasp(1, gantry.hand, box)", "place({}, gantry.hand, box, table.b)"
@@ -65,6 +66,29 @@ def test_an_object_that_was_moved_is_taken_where_it_is(plan: lgp.Plan) -> None:
 def test_what_was_dropped_is_taken_again(plan: lgp.Plan) -> None:
     dropped = lgp.replan(plan, 1.5 * SECONDS, {"box": at(0.1, 0.0)})
     assert dropped.actions == plan.actions
+
+
+def test_what_a_person_has_in_the_hand_stays_there() -> None:
+    values = HUMAN_ONLY | {"goal": ["placed(box, table.far)", "not placed(box, table.near)"]}
+    values["tables"] = HUMAN_ONLY["tables"] | {"far": {"position": [0.3, -0.7], "size": [0.4, 0.4], "height": 0.9}}
+    values["initial"] = [*HUMAN_ONLY["initial"], "placed(box, table.near)"]
+    scene = read_scene(values)
+    person = lgp.plan(scene, cost=None, depth=2, collisions=False)
+    assert person.actions == ("grasp(1, human.right_hand, box)", "place(2, human.right_hand, box, table.far)")
+    for share in (1.0, 1.2, 1.5):
+        later = lgp.replan(person, share * scene.phase_seconds)
+        assert later.actions == ("place(1, human.right_hand, box, table.far)",), later.reason
+
+
+def test_a_gripper_that_holds_something_still_does_so(tmp_path: Path) -> None:
+    values = scene_values(tmp_path, goal=["holding(gantry.hand, box)"])
+    values["domain"] = "toolbox"
+    values["robots"]["gantry"]["joints"] = {"z": 1.3}
+    values["robots"]["gantry"]["hands"]["hand"]["kind"] = "parallel_gripper"
+    held = lgp.plan(read_scene(values), cost=None, sequence=["hold(gantry.hand, box)"])
+    assert held.feasible, held.reason
+    assert lgp.replan(held, SECONDS).actions == ()
+    assert lgp.replan(held, SECONDS, {"box": at(0.1, 0.1)}).actions == held.actions
 
 
 def test_joints_are_where_they_are_measured(plan: lgp.Plan) -> None:

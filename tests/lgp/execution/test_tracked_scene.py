@@ -44,6 +44,19 @@ def test_an_object_in_the_hand_is_grasped_and_the_scene_has_it_there(world: Worl
     np.testing.assert_allclose(pose.rotation[0], np.eye(3), atol=1e-9)
 
 
+def test_an_object_that_was_taken_is_placed_nowhere_even_while_it_stands_there(world: World) -> None:
+    at = world.at(world.initial_configuration[None], [HAND]).position[0, 0]
+    table = {"position": at[:2].tolist(), "size": [0.4, 0.4], "height": float(at[2]) - 0.1}
+    there = World(
+        read_scene(dict(world.scene.values) | {"tables": {"near": table}, "goal": ["placed(box, table.near)"]})
+    )
+    view, task = tracked_box(there, [at] * 8), task_of(there.scene)
+    taken, placed = parse_atom(f"grasped({HAND}, box)"), parse_atom("placed(box, table.near)")
+    assert placed in atoms_now(view, task, {parse_atom("on_table(box)")})
+    assert taken in atoms_now(view, task, {taken})
+    assert placed not in atoms_now(view, task, {taken})
+
+
 def test_the_scene_that_is_seen_is_the_scene_that_was(world: World) -> None:
     box = replace(world.scene.objects["box"], at=(0.05, -0.04, 33.0))
     scene = read_scene(

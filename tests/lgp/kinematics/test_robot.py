@@ -68,3 +68,9 @@ def test_a_robot_of_a_package_is_looked_for(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(WorldError) as error:
         robot.urdf_of("package://lift_arm/urdf/arm.urdf")
     says(error, "package 'lift_arm'", "no folder", "ROS_PACKAGE_PATH")
+
+
+def test_a_xacro_file_is_to_be_expanded() -> None:
+    with pytest.raises(WorldError) as error:
+        robot.urdf_of("robots/arm.urdf.xacro")
+    says(error, "robots/arm.urdf.xacro", "path of a .urdf file", "xacro arm.urdf.xacro > arm.urdf")

@@ -62,6 +62,8 @@ CHANGES = {
     "link_twice": ('link name="hand"', 'link name="upper"', "link 'upper'", "twice"),
     "kind": ('type="revolute"', 'type="hinge"', "joint 'turn'", "'hinge'", "revolute"),
     "no_limit": ('<limit lower="0" upper="0.5" effort="100" velocity="1"/>', "", "joint 'lift'", "no <limit>"),
+    "no_velocity": ('effort="100" velocity="1"', 'effort="100"', "joint 'lift'", "no velocity", "URDF requires"),
+    "no_effort": ('effort="100" velocity="1"', 'velocity="1"', "joint 'lift'", "no effort", "URDF requires"),
     "limits": ('lower="0" upper="0.5"', 'lower="1" upper="0.5"', "joint 'lift'", "lower below upper"),
     "unknown_link": ('<child link="hand"/>', '<child link="hend"/>', "joint 'turn'", "'hend'"),
     "two_parents": ('<child link="hand"/>', '<child link="upper"/>', "joint 'turn'", "child of two joints"),

@@ -125,6 +125,9 @@ def test_a_negated_goal_that_stays_true_has_a_reason() -> None:
         ),
         ("cost) 2.5)", "cost) -2.5)", ("line",)),
         ("(increase (total-cost) 2.5)", "(decrease (total-cost) 2.5)", ("pour", "'decrease'", "(increase")),
+        (":equality", "", ("needs the requirement :equality", "add it to its :requirements")),
+        ("(not (= ?from ?to))", "(or (= ?from ?to))", (":disjunctive-preconditions", "not supported", ":equality")),
+        ("(total-cost) - number", "(total-cost) (level ?c - cup) - number", (":numeric-fluents", "not supported")),
         ("(when (full ?to) (and", "(when (ful ?to) (and", ("undeclared predicate 'ful'", "did you mean 'full'")),
     ],
 )

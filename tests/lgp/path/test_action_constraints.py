@@ -121,6 +121,11 @@ def test_the_reason_names_the_constraint(tmp_path: Path) -> None:
         (lambda at: Feature(np.zeros((2, 1)), np.zeros((2, 1, 3))), ("Jacobian (2, 1, 3)", "(2, m, 4)")),
         (lambda at: features.position(at["table"]), ("no role 'table'", "hand, object")),
         (lambda at: features.position(at.place("gantry.tipp")), ("no frame 'gantry.tipp'", "gantry.tip")),
+        (lambda at: features.position(at["hand"]) - float("nan"), ("'it holds'", "nan in its value", "finite numbers")),
+        (
+            lambda at: Feature(np.zeros((len(at.q), 1)), np.full((len(at.q), 1, 4), np.inf)),
+            ("inf in its Jacobian", "finite numbers"),
+        ),
         (lambda at: features.axis(at["hand"], 5), ("'it holds'", "fails", "test_action_constraints.py", "IndexError")),
         (
             lambda at: features.position(features.offset(at["hand"], (0.0, 0.1, 0.0), (0.0, 0.0, 0.0))),  # type: ignore[arg-type]

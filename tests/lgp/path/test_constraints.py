@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+import lgp
 from lgp.kinematics.posture import PostureMap
 from lgp.path.leg_reach import BLEND, LegConstraints, LegReachConstraint
 from lgp.path.phases import Phases
@@ -69,3 +70,23 @@ def test_a_leg_that_is_too_short_between_slices_becomes_a_row() -> None:
         gradient @ way.ravel()[unknowns] for gradient, (_, unknowns) in zip(gradients, rows.blocks(0), strict=True)
     ]
     assert along == pytest.approx(difference, abs=1e-5)
+
+
+def test_a_person_who_leans_too_far_at_the_start_comes_back_and_acts() -> None:
+    world = human_world("solved")
+    assert world.scene.human is not None
+    legs = LegReachConstraint(world, world.scene.human)
+    start = world.initial_configuration.copy()
+    start[world.column["human.pelvis_z"]] = 0.0
+    while legs.evaluate(start[None])[0][0] < 0.005:
+        start[world.column["human.pelvis_x"]] += 0.002
+    assert legs.evaluate(start[None])[0][0] < 0.01, "as a tracker may see someone with straight legs"
+    plan = lgp.plan(world.scene, cost=None, start=start, depth=1)
+    assert plan.feasible, plan.reason
+    assert legs.evaluate(plan.path)[0].max() < 1e-6
+    # Only until the first slice, and no more than at the start.
+    rows = LegConstraints(world, cast(Phases, SimpleNamespace(total=3)), start, world.scene.human)
+    assert rows.add_violated(np.tile(start, (3, 1)), np.zeros(0)) == 2
+    higher = start.copy()
+    higher[world.column["human.pelvis_x"]] += 0.02
+    assert rows.add_violated(np.tile(higher, (3, 1)), np.zeros(0)) == 1

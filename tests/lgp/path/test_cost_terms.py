@@ -130,6 +130,8 @@ def test_costs_of_actions_are_part_of_the_objective(tmp_path: Path) -> None:
         (lambda at: squares(at.joint("gantry.tilt")[[0]]) and at.place("box"), ("object 'box'", "a hand, a table")),
         (lambda at: squares(at.joint("gantry.tilted")), ("no joint 'gantry.tilted'", "did you mean 'gantry.tilt'")),
         (lambda at: lgp.TermValues(np.full(len(at.q), -1.0), 0 * at.q, 0 * at.q[:, None]), ("-1", "0 or more")),
+        (lambda at: squares(at.joint("gantry.tilt") * float("nan")), ("'odd' has nan", "finite numbers")),
+        (lambda at: lgp.TermValues(np.zeros(len(at.q)), 0 * at.q + np.inf, 0 * at.q[:, None]), ("has inf", "finite")),
         (lambda at: at.hand, ("cost term 'odd' fails", "test_cost_terms.py", "AttributeError")),
         (lambda at: lgp.TermValues(np.zeros(1), 0 * at.q, 0 * at.q[:, None]), ("(1,)", "(2, 4)")),
     ],

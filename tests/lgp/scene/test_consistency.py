@@ -13,12 +13,12 @@ from lgp.scene.scene_file import read_scene, shipped_scenes
 from tests.support.says import says
 
 
-def scene(initial: list[str], **box: Any) -> lgp.Scene:
+def scene(initial: list[str], goal: str = "placed(box, table.b)", **box: Any) -> lgp.Scene:
     return read_scene(
         {
             "domain": "screwdriver",
             "initial": initial,
-            "goal": ["placed(box, table.b)"],
+            "goal": [goal],
             "human": {"hands": ["left_hand", "right_hand"]},
             "tables": {
                 name: {"position": [0.5, y], "size": [0.4, 0.4], "height": 0.9} for name, y in (("a", 0.4), ("b", -0.4))
@@ -69,6 +69,16 @@ def test_a_contradiction_is_refused(initial: list[str], box: dict[str, Any], wor
 )
 def test_what_agrees_is_accepted(initial: list[str], box: dict[str, Any]) -> None:
     check_first_facts(scene(initial, **box))
+
+
+@pytest.mark.parametrize("fact", ["placed(box, table.a)", "on_table(box)"])
+def test_what_the_goal_ends_is_a_first_fact(fact: str) -> None:
+    other = {"placed(box, table.a)", "on_table(box)"} - {fact}
+    with pytest.raises(SceneError) as caught:
+        lgp.plan(scene([*other], f"not {fact}"), cost=None)
+    says(caught, "box is on table.a", f"the goal is not {fact}", "add the fact")
+    check_first_facts(scene([fact, *other], f"not {fact}"))
+    check_first_facts(scene([*other], "not placed(box, table.b)"))
 
 
 @pytest.mark.parametrize("name", shipped_scenes())

@@ -26,6 +26,8 @@ PLANNED = {
     "steps": ("", ["grasp", "place"]),
     "two_people": ("", ["grasp", "handover", "place"]),
     "waiter": ("", ["grasp", "place", "grasp"]),
+    "lift_arm": ("", ["grasp", "place", "grasp"]),
+    "shelf_and_pillar": ("", ["grasp", "place"]),
     "two_hands": ("carry_with_both_hands.py", ["lift", "put"]),
 }
 """Scene -> the file with its actions, and the actions of its plan."""
