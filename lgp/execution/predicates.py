@@ -228,14 +228,16 @@ def closing_grippers(scene: Scene, task: Task, action: Action) -> list[tuple[str
 def gripper_commands(task: Task, action: Action, view: TrackedWorld) -> list[tuple[str, bool]]:
     """Return the grippers that close (True) or open (False) at the end of an action's motion.
 
-    A gripper closes once the object has reached it; it opens once every other hand of the action holds the object.
+    A gripper closes once the object has reached it. It opens at once, in an action that gives the object to a hand once
+    all other hands of it hold the object.
     """
     scene, adds = view.world.scene, task.holding(action.adds)
     object_names = [name for name in action.arguments if name in scene.objects]
-    closing = closing_grippers(scene, task, action)
+    closing, kind = closing_grippers(scene, task, action), kind_of(action.name)
+    gives = kind is not None and kind.attaches_to == "hand"
     commands = [(hand, True) for hand, name in closing if reached(view, hand, name).holds]
     for hand in (atom.arguments[0] for atom in adds if atom.predicate == "free"):
-        takers = [name for name in action.arguments if name in scene.hands and name != hand]
+        takers = [name for name in action.arguments if gives and name in scene.hands and name != hand]
         given = all(holding(view, taker, name).holds for taker in takers for name in object_names)
         if not scene.hands[hand].human and given:
             commands.append((hand, False))

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import lgp
+from lgp.execution.predicates import gripper_commands
+from lgp.execution.tracking import Observation, TrackedPose, TrackedWorld
 from lgp.kinematics import actions, features
+from lgp.planner import task_of
 from lgp.scene.scene_file import read_scene
 from tests.support.gantry import BOX, TABLES, scene_values
 
@@ -47,6 +50,20 @@ def _registered() -> Iterator[None]:
     actions._registered.update(before)
 
 
+def _both_let_go_where_one_is_off(plan: lgp.Plan) -> None:
+    """What is put down is given to no hand: a hand that is off keeps no gripper closed."""
+    motion = lgp.Motion(plan)
+    q = plan.path[-1].copy()
+    q[plan.joints.index("right.x")] += 0.3
+    view, rod = TrackedWorld(motion.world), motion.object_poses("rod")
+    for time in (0.0, 0.1, 0.2, 0.3):
+        at = TrackedPose(rod.rotation[-1], rod.position[-1], time)
+        view.add(Observation(time, q, {"rod": at}, frozenset({"left.hand", "right.hand"})))
+    task = task_of(plan.scene)
+    commands = gripper_commands(task, task.action("bring(left.hand, rod, right.hand, table.b)"), view)
+    assert sorted(commands) == [("left.hand", False), ("right.hand", False)]
+
+
 def test_two_robots_carry_one_thing(tmp_path: Path) -> None:
     (tmp_path / "together.pddl").write_text(DOMAIN)
     values = scene_values(tmp_path, domain=str(tmp_path / "together.pddl"), goal=["placed(rod, table.b)"])
@@ -66,6 +83,7 @@ def test_two_robots_carry_one_thing(tmp_path: Path) -> None:
     assert plan.audit["faults"] == []
     later = lgp.replan(plan, 1.3 * plan.scene.phase_seconds)
     assert later.actions == ("bring(1, left.hand, rod, right.hand, table.b)",), later.reason
+    _both_let_go_where_one_is_off(plan)
     plan.save(tmp_path / "plan")
     summary = lgp.run_plan(tmp_path / "plan")
     assert (summary["state"], summary["replanned"]) == ("finished", 0), summary["why"]
