@@ -13,6 +13,8 @@ from reba.readers.recording.stream import Stream
 
 QUALIFIED = ("/{name}", "{id}/{name}", "{id}::{name}", "{id}:{name}", "{id}.{name}")
 """Patterns of namespaces, which hold for every profile of bare names: what stands before the name says whose it is."""
+POSITIONS = ("{name}/position", "{id}/{name}/position", "{name}.position", "{id}.{name}.position")
+"""Patterns of what exports of joint states (PlotJuggler) call the position of a joint, beside its velocity."""
 PLACES = ("{name}_pos", "{name}_position", "{name}.pos", "{name}.position", "{name}/position",
           "{name}_landmark", "{name}_keypoint")  # fmt: skip
 """Patterns of what tables call the place of a point, beside its other values; for points."""
@@ -59,7 +61,11 @@ def may_concern(profile: Profile, signal: str) -> bool:
 def _patterns(profile: Profile) -> tuple[tuple[str, ...], bool]:
     """Return the patterns of the signals of a profile, and whether other spellings are found too."""
     loose = profile.kind == "points"
-    further = (*QUALIFIED, *(PLACES if loose else ())) if "{name}" in profile.patterns else ()
+    further = (
+        (*QUALIFIED, *{"points": PLACES, "joints": POSITIONS}.get(profile.kind, ()))
+        if "{name}" in profile.patterns
+        else ()
+    )
     return (*profile.patterns, *further), loose
 
 

@@ -3,6 +3,7 @@
 - a point at exactly (0, 0, 0), unless that is the origin of a body: there in every frame, with the others around it;
 - a point with three equal coordinates of a code such as -9999 or -1, in any unit of length;
 - a point with three equal coordinates that are farther away than any body;
+- a point with a coordinate of such a code that is far from the other points, or one beyond a kilometre from them;
 - a joint or an angle of exactly such a code. An angle of 0 is a value;
 - an angle beyond 360 degrees: damaged. Joints have limits of their own, see `joints`.
 
@@ -11,6 +12,7 @@ Pose estimators, TRC files and C3D exports write zeros; spreadsheets and motion 
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from dataclasses import replace
 from typing import Final
@@ -30,27 +32,51 @@ _MINUS_ONE: Final = [-scale for scale in SCALES]
 """[m] What some trackers write for a point that they do not see; a point at (1, 1, 1) is one."""
 FARTHEST: Final = 1000.0
 """[m] From the origin along all three axes alike no body is: 1e6 mm, or the largest number of a type, is a code."""
+REACH: Final = 3.0
+"""[m] Along an axis, a point of a body is not farther than this from the middle of the others; a choice."""
 MOST_NAMES: Final = 4
 """Names in a warning."""
 
 
 def coded_points(points: Array) -> Flags:
-    """Return which points (..., 3) [m] have three equal coordinates of a code, or are far away.
+    """Return which points (..., k, 3) [m] have coordinates of a code, or are far away.
 
-    >>> coded_points(np.array([[-9.999, -9.999, -9.999], [-9.999, 1.0, 1.0]])).tolist()
-    [True, False]
+    >>> coded_points(np.array([[-9.999, -9.999, -9.999], [-9.999, 1.0, 1.0], [0.5, 1, 1], [0.2, 1, 1.5]])).tolist()
+    [True, True, False, False]
     """
     first = points[..., 0]
     equal = (points[..., 1] == first) & (points[..., 2] == first)
-    if not equal.any():
-        return equal
-    value = first[equal]
-    size = np.abs(value)
+    if equal.any():
+        value = first[equal]
+        equal[equal] = _codes(value) | np.isin(value, _MINUS_ONE) | (np.abs(value) >= FARTHEST)
+    return equal | _astray(points)
+
+
+def _codes(values: Array) -> Flags:
+    """Return which lengths [m] are codes in one of the units."""
+    size = np.abs(values)
     at = np.clip(np.searchsorted(_POINT_CODES, size), 1, len(_POINT_CODES) - 1)
     nearest = np.minimum(np.abs(_POINT_CODES[at] - size), np.abs(_POINT_CODES[at - 1] - size))
-    code = (nearest <= 1e-12 * np.maximum(size, 1.0)) | np.isin(value, _MINUS_ONE)
-    equal[equal] = code | (size >= FARTHEST)
-    return equal
+    return np.asarray(nearest <= 1e-12 * np.maximum(size, 1.0))
+
+
+def _astray(points: Array) -> Flags:
+    """Return which points (..., k, 3) [m] have a coordinate of a code far from those of the others, or one very far."""
+    large = np.abs(points) > REACH
+    result = np.zeros(points.shape[:-1], bool)
+    if not large.any():
+        return result
+    code = np.zeros(points.shape, bool)
+    code[large] = _codes(points[large])
+    frames = (code | (np.abs(points) >= FARTHEST)).any(axis=(-2, -1))
+    if not frames.any():
+        return result
+    some, code = points[frames], code[frames]
+    with warnings.catch_warnings(), np.errstate(invalid="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # where every coordinate is a code, nothing is beside it
+        beside = np.abs(some - np.nanmedian(np.where(code, np.nan, some), axis=-2, keepdims=True))
+    result[frames] = ((code & ~(beside <= REACH)) | (beside >= FARTHEST)).any(axis=-1)
+    return result
 
 
 class GapCodes:

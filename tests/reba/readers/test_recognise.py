@@ -33,6 +33,9 @@ def _joints(profile: str, pattern: str = "{name}", leave: tuple[str, ...] = (), 
         ("opensim", "{name}", ""),
         ("opensim_pose2sim", "{name}", ""),
         ("opensim", "/jointset/hip/{name}/value", ""),
+        ("human_description", "/joint_states/{name}/position", "joint_states"),
+        ("human_description", "{name}/position", ""),
+        ("human_description", "human1.{name}.position", "human1"),
     ],
 )
 def test_every_joints_profile_recognises_its_own_names(profile: str, pattern: str, body: str) -> None:
