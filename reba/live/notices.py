@@ -122,7 +122,9 @@ class FrameWatch:
 
     def columns(self, time: Array, angles: Array) -> Iterator[tuple[float, Notice]]:
         """Yield notices of columns of (n, 22) angles [deg] without a value beyond the limit, and of their return."""
-        for rows in np.array_split(np.arange(len(time)), max(1, math.ceil((time[-1] - time[0]) / SILENT_SECONDS))):
+        # At most one part for each frame: a damaged time may be years from the others.
+        parts = min(len(time), max(1, math.ceil((time[-1] - time[0]) / SILENT_SECONDS)))
+        for rows in np.array_split(np.arange(len(time)), parts):
             if not len(rows):
                 continue
             there = np.isfinite(angles[rows])

@@ -493,3 +493,14 @@ def test_a_row_with_a_damaged_time_moves_no_other(damage: float, monkeypatch: py
     live = lines_of(rows, monkeypatch, arrive=True)
     assert live.kinds == []
     assert [line["time"] for line in live.scores] == pytest.approx(ticks(0, 8), abs=1e-6)
+
+
+@pytest.mark.parametrize("damage", [9e8, -9e8])
+def test_a_time_of_another_decade_costs_no_memory(damage: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows that arrive all at once have no other clock; every one is scored."""
+    rows: list[dict[str, object]] = [
+        {"at": 0.0, "time": at + damage * (number == 150), "trunk_flexion": 50.0}
+        for number, at in enumerate(ticks(0, 8))
+    ]
+    live = lines_of(rows, monkeypatch, arrive=False)
+    assert len(live.scores) >= len(rows) - 1
