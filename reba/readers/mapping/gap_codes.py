@@ -62,16 +62,17 @@ def _codes(values: Array) -> Flags:
 
 def _astray(points: Array) -> Flags:
     """Return which points (..., k, 3) [m] have a coordinate of a code far from those of the others, or one very far."""
-    large = np.abs(points) > REACH
     result = np.zeros(points.shape[:-1], bool)
-    if not large.any():
+    if not points.size:
         return result
-    code = np.zeros(points.shape, bool)
-    code[large] = _codes(points[large])
-    frames = (code | (np.abs(points) >= FARTHEST)).any(axis=(-2, -1))
+    # Only frames that are wider than a body, or whose first point may be a code as all others are, for speed.
+    with np.errstate(invalid="ignore", over="ignore"):
+        extent = np.fmax.reduce(points, axis=-2) - np.fmin.reduce(points, axis=-2)
+    frames = ((extent > REACH) | _codes(points[..., 0, :])).any(axis=-1)
     if not frames.any():
         return result
-    some, code = points[frames], code[frames]
+    some = points[frames]
+    code = _codes(some) & (np.abs(some) > REACH)
     with warnings.catch_warnings(), np.errstate(invalid="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # where every coordinate is a code, nothing is beside it
         beside = np.abs(some - np.nanmedian(np.where(code, np.nan, some), axis=-2, keepdims=True))
