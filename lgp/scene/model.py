@@ -252,9 +252,7 @@ HAND_CLEARANCE = 0.06
 
 _HEIGHTS = Allowed(
     "a mapping of tables to heights [m]",
-    lambda given: (
-        isinstance(given, Mapping) and all(isinstance(name, str) and is_finite(at) for name, at in given.items())
-    ),
+    lambda given: isinstance(given, Mapping) and all(isinstance(name, str) for name in given),
 )
 _TIME_WEIGHT = Allowed("a number from 0 to 1000", lambda given: is_finite(given) and 0 <= given <= 1000)
 
@@ -372,8 +370,8 @@ class Scene:
             if full not in tables:
                 hint = did_you_mean(full, tables) or f"; known are {', '.join(tables)}"
                 raise SceneError(f"{self.name}: no table {name!r}{hint}")
-            if not (-3.0 if tables[full].frame else 0.0) < height < 3.0:
-                raise SceneError(f"{self.name}: height of {full} is {height:g} m, expected 0 to 3 m")
+            if not is_finite(height) or not (-3.0 if tables[full].frame else 0.0) < height < 3.0:
+                raise SceneError(f"{self.name}: height of {full} is {height!r}, expected 0 to 3 m")
             tables[full] = replace(tables[full], height=float(height))
         written = dict(self.values.get("tables", {}))
         written |= {name: {**entry, "height": tables[f"table.{name}"].height} for name, entry in written.items()}

@@ -88,7 +88,8 @@ def test_no_line_is_broken_by_the_terminal(printed: tuple[dict[str, str], dict[s
 def test_nothing_is_cut(printed: tuple[dict[str, str], dict[str, str]]) -> None:
     def words(text: str) -> set[str]:
         bare = re.sub(r"[─│┃┏┓┗┛━┡┩┠┨├┤┼╇]", " ", "\n".join(shown(text)))
-        return {word for word in bare.split() if re.search(r"\w", word) and "/" not in word}
+        # Of recordings a wide terminal has names where a narrow one has numbers.
+        return {word for word in bare.split() if re.search(r"\w", word) and not re.search(r"/|\.(csv|mcap|trc)", word)}
 
     narrow, wide = printed
     assert narrow.keys() == wide.keys()

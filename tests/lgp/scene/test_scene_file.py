@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +148,7 @@ def test_changes_touch_only_keys_of_the_file() -> None:
     says(error, "no table 'middle'")
     with pytest.raises(SceneError) as error:
         load_scene("screwdriver").with_heights({"left": 9.0})
-    says(error, "height of table.left is 9 m")
+    says(error, "height of table.left is 9.0, expected 0 to 3 m")
 
 
 def test_a_robot_without_hands_that_is_to_act_is_told_how_to_get_one() -> None:
@@ -156,3 +157,9 @@ def test_a_robot_without_hands_that_is_to_act_is_told_how_to_get_one() -> None:
     with pytest.raises(SceneError) as error:
         read_scene(values)
     says(error, "'free(arm.tool)' contains unknown 'arm.tool'", "arm has no hands: add hands.tool = { frame = ... }")
+
+
+@pytest.mark.parametrize("height", [float("nan"), float("inf"), "high", None, -0.1, 3.5])
+def test_a_height_that_is_none_is_named_with_its_table(height: Any) -> None:
+    with pytest.raises(SceneError, match=rf"height of table\.left is {re.escape(repr(height))}, expected 0 to 3 m"):
+        load_scene("screwdriver").with_heights({"left": height})
