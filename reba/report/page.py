@@ -113,7 +113,7 @@ def page(
         differing=list(differing(*records)) if len(records) == 2 else [],
         command=command,
         form=form,
-        failed=failed,
+        failed=[(name, why.removeprefix(f"{name}: ")) for name, why in failed],
         privacy=privacy,
         interval_rule=INTERVAL_RULE,
         grade_rule=GRADE_RULE,
