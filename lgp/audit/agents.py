@@ -18,6 +18,7 @@ from lgp.kinematics.robot import urdf_of
 from lgp.scene.joint_units import unit_of
 from lgp.scene.model import Agent, Hand, Human, Robot
 from reba.arrays import Array
+from reba.posture.columns import SIDES
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,8 @@ def person_model(person: Human) -> AgentModel:
         rotation=_upright(person.yaw),
         position=np.array(person.position),
         fixed=fixed | _stated(person, slides),
-        hands={hand.full: _grip(frames[hand.frame], hand) for hand in person.hands},
+        # Both, also where one of them acts on nothing.
+        hands={f"{person.name}.{side}_hand": frames[f"{side}_hand"] for side in SIDES},
         parts=tuple(parts),
         legs=legs,
         soles=soles if person.legs == "planted" else {},

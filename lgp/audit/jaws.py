@@ -17,6 +17,7 @@ from lgp.audit.faults import TOUCHING
 from lgp.audit.joint_tree import BASE, attached, place, values_of
 from lgp.audit.replay import Replay, Span
 from lgp.audit.shapes import Body
+from lgp.scene.model import Human
 from reba.arrays import Array
 
 
@@ -95,6 +96,8 @@ def _width(run: Replay, jaws: _Jaws, span: Span, at: int) -> float:
 
 def _jaws(model: AgentModel, hand: str, carrier: int, moved: set[str]) -> _Jaws | None:
     """Return the jaws of a hand, None without."""
+    if isinstance(model.agent, Human):
+        return None
     own = set(model.chain(model.hands[hand].on))
     beyond = {n: joint for n, joint in enumerate(model.joints, 1)
               if joint.name not in moved and n not in own and carrier in model.chain(n)}  # fmt: skip

@@ -14,6 +14,7 @@ from lgp.kinematics.features import rotation_about_z
 from lgp.kinematics.leg_ik import LegSegments
 from lgp.kinematics.world import World
 from lgp.scene.model import Human, Robot
+from reba.posture.columns import SIDES
 
 
 def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
@@ -44,8 +45,10 @@ def collision_shapes(world: World) -> tuple[CollisionShape, ...]:
         shapes = [
             replace(shape, table=name) if shape.name.partition("/")[0] == table.frame else shape for shape in shapes
         ]
-    for name, hand in world.scene.hands.items():
-        shapes.append(_grip(name, hand.agent, world.scene.hand_clearance / 2.0))
+    agent_of = {name: hand.agent for name, hand in world.scene.hands.items()}
+    # Both hands of a person, also where one of them acts on nothing.
+    agent_of |= {f"{name}.{side}_hand": name for name in world.scene.humans for side in SIDES}
+    shapes += [_grip(name, agent, world.scene.hand_clearance / 2.0) for name, agent in agent_of.items()]
     for name, item in world.scene.objects.items():
         shapes.append(box(name, name, "object", np.eye(3), np.zeros(3), item.size))
     flat_or_long = [shape for shape in shapes if shape.kind == "object" or _is_end_of_limb(world, shape)]

@@ -21,6 +21,7 @@ from lgp.audit.replay import replay
 from lgp.audit.robot_file import robot_file
 from lgp.audit.samples import Samples
 from lgp.audit.shapes import ball, box, capsule, cylinder, mesh
+from lgp.collision.scene_shapes import collision_shapes
 from lgp.errors import WorldError
 from lgp.kinematics.human import human_model
 from lgp.kinematics.world import World
@@ -424,3 +425,13 @@ def test_a_mesh_with_a_corner_of_many_neighbours_has_a_hull() -> None:
     below = np.array([0.0, 0.0, -0.03])
     depth = penetration(shape, np.eye(3), middle, ball(0.05), np.eye(3), below)
     assert depth == pytest.approx(0.02, abs=1e-3)
+
+
+def test_a_hand_that_acts_on_nothing_is_a_hand_too(tmp_path: Path) -> None:
+    """The left hand of a person whose right hand alone acts: its grip point keeps away from a gripper as well."""
+    values = with_person(tmp_path)
+    assert values["human"].get("hands", ["right_hand"]) == ["right_hand"]
+    plan = person_plan(values, through(START, TAKE, each=(10,)), START)
+    assert "human.left_hand" in Samples.of(plan).hands
+    shapes = collision_shapes(World(plan.scene))
+    assert {"grip point of human.left_hand", "grip point of human.right_hand"} <= {shape.name for shape in shapes}
