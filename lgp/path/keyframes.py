@@ -153,7 +153,7 @@ class KeyframeSolver:
 
         Args:
             earlier: poses of the sequence.
-            level: "sequence", or PREFIX, whose cost is a bound only: it is solved from one guess to fewer digits.
+            level: "sequence", or PREFIX, whose cost is a bound only: it is solved from fewer starts to fewer digits.
             before: keyframes of the sequence without its last action.
         """
         first = np.tile(self.initial_configuration, (phases.count, 1))

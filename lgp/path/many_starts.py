@@ -85,7 +85,11 @@ class _ScoredKeyframes:
 
 
 class ManyStarts:
-    """The sequence problem `problem` on the joints that act."""
+    """The sequence problem `problem` on the joints that act.
+
+    Args:
+        count: random starts of a small problem; larger ones have fewer.
+    """
 
     def __init__(self, problem: PathProblem, count: int = STARTS) -> None:
         self.problem, self._count = problem, count
