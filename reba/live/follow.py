@@ -14,12 +14,13 @@ import numpy as np
 
 from reba.errors import ProfileError, ReadError
 from reba.live.bodies import FollowedBody
-from reba.live.frames import Frames, NotEnoughData, ReadingOptions
+from reba.live.frames import Frames, NotEnoughData, ReadingOptions, UnitCheck
 from reba.live.joint_frames import BodyFollower
 from reba.live.notices import FrameWatch, Notice
 from reba.live.sources import GrowingMcap, GrowingStore, SourceChanged, opened_again
 from reba.live.table_rows import TableFollower
 from reba.posture.factors import Factors, checked, expand_sides
+from reba.posture.named_angles import RADIANS_TEXT
 from reba.readers.mcap.growing import GrowingRecording
 from reba.readers.mcap.store import ChunkRef, Store
 from reba.readers.recognise import NoMatch, SeveralBodies, choose
@@ -78,6 +79,7 @@ class Follower:
         self.recognised = ""
         self._recording = GrowingRecording(source.path)
         self._watch = FrameWatch()
+        self._unit = UnitCheck()
         self._body: FollowedBody | None = None
         self._pending: list[tuple[Store, ChunkRef]] = []
         self._since = NEVER
@@ -128,6 +130,14 @@ class Follower:
         yield from self._release()
         if self.converter is not None:
             yield from self._split(self.converter.remaining_frames())
+            if self._unit.ends_in_radians():
+                self._warn(RADIANS_TEXT)
+
+    def _warn(self, text: str) -> None:
+        """Report a warning about all frames, which the summary repeats."""
+        assert self.converter is not None
+        self.converter.log.warn(text)
+        self._on_warning(text)
 
     def _file_ended(self, why: str) -> Iterator[Frames | Notice]:
         with suppress(ReadError):  # what was not read of a file that was cut is lost
@@ -308,6 +318,8 @@ class Follower:
     def _split(self, several: Iterable[Frames], *, chunked: bool = False) -> Iterator[Frames | Notice]:
         """Yield frames, and between them the notices that belong there."""
         for frames in several:
+            if self._unit.finds_radians(frames):
+                self._warn(RADIANS_TEXT)
             last = self._watch.last
             cuts = sorted(self._cuts, key=lambda cut: cut[0])
             cuts += self._watch.gaps(frames.time, self._now(), chunked=chunked)

@@ -8,6 +8,7 @@ import numpy as np
 
 from reba.arrays import Array, Flags
 from reba.posture.factors import Factors
+from reba.posture.named_angles import look_like_radians
 from reba.readers.quality_control import AROUND, parse_neutral
 
 
@@ -58,6 +59,37 @@ class ReadingOptions:
     topic: str | None = None
     neutral: str = "none"
     settle: float = SETTLE_SECONDS
+
+
+UNIT_SECONDS = 10.0
+"""[s] First angles that show the unit; a choice: nobody keeps every joint within three degrees for so long."""
+
+
+class UnitCheck:
+    """Tells once, from the first angles, whether they look like radians; see `reba.RadiansWarning`.
+
+    >>> check = UnitCheck()
+    >>> frames = Frames(np.arange(12.0), np.full((12, 22), 0.4), Factors())
+    >>> check.finds_radians(frames), check.finds_radians(frames)
+    (True, False)
+    """
+
+    def __init__(self) -> None:
+        self._angles: list[Array] | None = []
+        self._start = np.inf
+
+    def finds_radians(self, frames: Frames) -> bool:
+        """Take further frames; return whether the unit is clear now, and radians."""
+        if self._angles is None or not len(frames.time):
+            return False
+        self._start = min(self._start, float(frames.time[0]))
+        self._angles.append(frames.angles)
+        return frames.time[-1] - self._start >= UNIT_SECONDS and self.ends_in_radians()
+
+    def ends_in_radians(self) -> bool:
+        """Decide from the frames so far, if that was not done: no more will come."""
+        angles, self._angles = self._angles, None
+        return bool(angles) and look_like_radians(np.concatenate(angles or []))
 
 
 class NotEnoughData(Exception):

@@ -182,8 +182,11 @@ class LineStore:
             if meaning is None:
                 raise Undecodable(_unknown(tree))
             stamp = stamp_of(tree)
-            if stamp is None and any(key in tree and not isinstance(tree[key], dict) for key in ("time", "stamp")):
-                raise Undecodable("time is not a number of seconds")
+            bare = [tree[key] for key in ("time", "timestamp", "stamp") if key in tree]
+            if stamp is None and any(not isinstance(given, dict) for given in bare):
+                raise Undecodable("time is neither a number of seconds nor a date and time of ISO 8601")
+            if meaning.extract is extract_angles and isinstance(tree.get("time"), str):
+                raise Undecodable("time of a posture is not a number of seconds")
         except Undecodable as error:
             if not self._any_accepted:
                 raise ReadError(

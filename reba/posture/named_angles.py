@@ -298,6 +298,7 @@ def look_like_radians(angles: Array | Iterable[Array], poses: int | None = None)
     """Return whether angles (n, d) of postures look like radians.
 
     At least `RADIANS_POSES` poses, all but `outliers_among` them within `RADIANS_BELOW`, one beyond `RADIANS_ABOVE`.
+    The angle that stands for a raised shoulder, given as yes or no, tells no unit.
 
     Args:
         angles: (n, d), or blocks of them.
@@ -312,8 +313,12 @@ def look_like_radians(angles: Array | Iterable[Array], poses: int | None = None)
     allowed, beyond, largest = outliers_among(n), 0, 0.0
     for block in [angles] if isinstance(angles, np.ndarray) else angles:
         for start in range(0, len(block), _TILE):
-            of_pose = np.fmax.reduce(abs(block[start : start + _TILE]), axis=1, initial=0.0)
-            large = of_pose >= RADIANS_BELOW
+            tile = abs(block[start : start + _TILE])
+            of_pose = np.fmax.reduce(tile, axis=1, initial=0.0)
+            if (large := of_pose >= RADIANS_BELOW).any():
+                without_flags = np.where(tile[large] == _ELEVATION.worst, 0.0, tile[large])
+                of_pose[large] = np.fmax.reduce(without_flags, axis=1, initial=0.0)
+                large = of_pose >= RADIANS_BELOW
             beyond += int(np.count_nonzero(large))
             if beyond > allowed:
                 return False

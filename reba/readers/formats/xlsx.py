@@ -60,7 +60,7 @@ def open_xlsx(path: Path, rate: float | None = None) -> Recording:
     if not any(name.startswith("xl/") for name in names):
         kind = "an OpenDocument file" if "mimetype" in names else "an archive without a workbook"
         raise ReadError(path, kind, hint="save the table as .xlsx or .csv")
-    sheets = _sheets(path)
+    sheets, hidden = _sheets(path)
     record = sheet_record([row for _, row in sheets[RECORD]]) if {FRAMES, RECORD} <= sheets.keys() else None
     if record is not None:
         del sheets[RECORD]
@@ -74,6 +74,10 @@ def open_xlsx(path: Path, rate: float | None = None) -> Recording:
             opened[title] = table_recording(path, "xlsx", table, log, rate, name)
         except ReadError as error:
             problems[title] = error
+    if not opened.keys() <= hidden:
+        for title in hidden & opened.keys():
+            del opened[title]
+            problems[title] = ReadError(path, "hidden beside a sheet with a table", hint="unhide it in Excel to use it")
     if not opened:
         each = [
             error.what if "sheet" in error.what else f"sheet {clip(title)}: {error.what}"
@@ -84,7 +88,8 @@ def open_xlsx(path: Path, rate: float | None = None) -> Recording:
     if len(opened) == 1:
         (title, recording), *_ = opened.items()
         if problems:
-            recording.log.warn(f"sheet {clip(title)} was read; {join_names([*map(clip, problems)], 4)} had no table")
+            others = join_names([clip(one) + " (hidden)" * (one in hidden) for one in problems], 4)
+            recording.log.warn(f"sheet {clip(title)} was read; left out: {others}")
     log = next(iter(opened.values())).log if len(opened) == 1 else ReadLog()
     streams = tuple(stream for recording in opened.values() for stream in recording.streams)
     topics = [topic for recording in opened.values() for topic in recording.topics]
@@ -94,13 +99,14 @@ def open_xlsx(path: Path, rate: float | None = None) -> Recording:
     return Recording(str(path), "xlsx", streams, tuple(topics), log, hint, scored=scored)
 
 
-def _sheets(path: Path) -> dict[str, list[tuple[int, tuple[Any, ...]]]]:
-    """Return the sheets with values: title -> the number and the cells of each row that is not blank."""
+def _sheets(path: Path) -> tuple[dict[str, list[tuple[int, tuple[Any, ...]]]], set[str]]:
+    """Return the sheets with values: title -> the number and the cells of each row that is not blank; those hidden."""
     try:
         import openpyxl
     except ImportError as error:
         raise missing("openpyxl", "reading Excel workbooks") from error
     sheets: dict[str, list[tuple[int, tuple[Any, ...]]]] = {}
+    hidden: set[str] = set()
     cells = 0
     try:
         with warnings.catch_warnings(), open_regular(path) as file:
@@ -119,12 +125,14 @@ def _sheets(path: Path) -> dict[str, list[tuple[int, tuple[Any, ...]]]]:
                         rows.append((number, row))
                 if rows:
                     sheets[sheet.title] = rows
+                if sheet.sheet_state != "visible":
+                    hidden.add(sheet.title)
     except (ReadError, MemoryError):
         raise
     except Exception as error:  # openpyxl lets through whatever its parts raise at damaged XML
         what = f"not a readable workbook ({' '.join(str(error).split())[:120]})"
         raise ReadError(path, what, hint=HINT) from error
-    return sheets
+    return sheets, hidden
 
 
 def _table(path: Path, title: str, rows: list[tuple[int, tuple[Any, ...]]], log: ReadLog) -> TableFile:

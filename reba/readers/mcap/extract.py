@@ -6,9 +6,12 @@ The numbers of a tree are spans (CDR, ROS 1, protobuf) or numbers (JSON); the sa
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
+
+import pandas as pd
 
 from reba.posture.columns import COLUMNS, on_both_sides
 from reba.posture.factors import FACTORS
@@ -24,6 +27,7 @@ POSE: Final = 7
 """Numbers of a pose: x y z [m], qx qy qz qw."""
 LATEST: Final = 1e10
 """[s] Largest time stamp in seconds, the year 2286; larger numbers have another unit."""
+_ISO_8601: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d{1,9})?(Z|[+-]\d\d:?\d\d)?")
 _XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 
@@ -89,19 +93,29 @@ def _numbers(values: list[Any]) -> list[Value]:
 def stamp_of(tree: Mapping[str, Any]) -> Stamp | None:
     """Return the time of a message: ROS `header.stamp`, Foxglove `timestamp`, a bare `stamp`, or `time`.
 
-    In JSON it may be a number of seconds.
+    In JSON it may be a number of seconds, or text as protobuf writes a `Timestamp` in JSON (ISO 8601; UTC without an
+    offset).
     """
     header = tree.get("header")
     bare = next((tree[key] for key in ("timestamp", "stamp", "time") if key in tree), None)
     stamp = header.get("stamp") if isinstance(header, dict) else bare
     if isinstance(stamp, int | float) and not isinstance(stamp, bool) and abs(stamp) < LATEST:
         return 0, round(stamp * 1e9)
+    if isinstance(stamp, str) and _ISO_8601.fullmatch(stamp):
+        return 0, _nanoseconds_of(stamp)
     if not isinstance(stamp, dict):
         return None
     seconds = next((stamp[key] for key in ("sec", "secs", "seconds") if key in stamp), None)
     nanos = next((stamp[key] for key in ("nanosec", "nsec", "nsecs", "nanos") if key in stamp), 0)
     # Protobuf omits numbers that are zero.
     return _whole(seconds or 0), _whole(nanos or 0)
+
+
+def _nanoseconds_of(text: str) -> int:
+    try:
+        return int(pd.Timestamp(text).as_unit("ns").value)
+    except ValueError as error:
+        raise Undecodable(f"the time stamp {text} is no date and time from 1678 to 2261") from error
 
 
 def _whole(value: Any) -> Value:

@@ -149,6 +149,9 @@ BAD_FIRST = {
     "[1, 2]": "not a JSON object",
     '{"time": 0, "trunk_flexoin": 3}': "did you mean 'trunk_flexion'",
     '{"time": "noon", "trunk_flexion": 3}': "number of seconds",
+    '{"time": "2024-05-01T10:00:00Z", "trunk_flexion": 3}': "number of seconds",
+    '{"timestamp": "2024-02-30T10:00:00Z", "name": ["a"], "position": [1]}': "2024-02-30T10:00:00Z",
+    '{"timestamp": "noon", "name": ["a"], "position": [1]}': "ISO 8601",
     '{"time": 0, "trunk_flexion": "x"}': "trunk_flexion",
     '{"time": 0, "trunk_flexion": 3, "load": -1}': "load is -1",
     '{"time": 0, "name": ["nose"], "position": [1.0]}': "profile",
@@ -240,3 +243,21 @@ def test_names_without_a_side_stand_for_both() -> None:
     code, lines, messages = run_live("-", stdin=json_lines(rows(table)))
     assert code == 0, messages
     assert_same(lines[:-1], scored(table))
+
+
+@pytest.mark.parametrize("seconds", [3.0, 30.0])
+def test_radians_for_degrees_are_told_once(seconds: float) -> None:
+    table = table_of_postures(int(20 * seconds))
+    columns = [name for name in table if name in reba.COLUMNS]
+    table[columns] = np.radians(table[columns])
+    code, lines, messages = run_live("-", "--activity", "none", stdin=json_lines(rows(table)))
+    assert code == 0
+    assert messages.count("look like radians") == 1
+    assert ["look like radians" in text for text in lines[-1]["summary"]["warnings"]] == [True]
+
+
+def test_a_neutral_beginning_is_no_radians() -> None:
+    table = table_of_postures()
+    columns = [name for name in table if name in reba.COLUMNS]
+    table.loc[:150, columns] = 1.5
+    assert "radians" not in run_live("-", "--activity", "none", stdin=json_lines(rows(table)))[2]

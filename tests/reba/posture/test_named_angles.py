@@ -187,3 +187,14 @@ def test_poses_at_rest_and_few_poses_are_not_taken_for_radians(table: Array) -> 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         reba.angle_table(table)
+
+
+def test_flags_of_raised_shoulders_do_not_hide_radians() -> None:
+    random = np.random.default_rng(3)
+    raised = {"shoulder_raised_left": random.random(50) < 0.5}
+    with pytest.warns(reba.RadiansWarning):
+        reba.score({"trunk_flexion": random.uniform(0, 1, 50), **raised})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        reba.score({"trunk_flexion": random.uniform(0, 60, 50), **raised})
+        reba.score({"trunk_flexion": np.full(50, 20.0), **raised})

@@ -126,7 +126,7 @@ def test_the_sheet_that_is_a_table_is_read_and_named(tmp_path: Path) -> None:
     path = book(tmp_path, {"Notes": [["Recorded by Ann"], ["on Monday"]], "Empty": [], "Angles": posture()})
     table = reba.read(path)
     np.testing.assert_allclose(table.data["trunk_flexion"], ANGLES)
-    says(next(text for text in table.quality.warnings if "sheet" in text), "'Angles' was read", "'Notes' had no table")
+    says(next(text for text in table.quality.warnings if "sheet" in text), "'Angles' was read; left out: 'Notes'")
     listed = {topic["name"]: (topic["usable"], topic["why"]) for topic in reba.info(path).topics}
     assert listed["Angles"][0]
     assert not listed["Notes"][0]
@@ -139,6 +139,23 @@ def test_two_tables_are_a_question(tmp_path: Path) -> None:
         reba.read(path)
     says(caught, "Left", "Right", "--topic")
     np.testing.assert_allclose(np.diff(reba.read(path, topic="Right").data["time"]), 0.2)
+
+
+@pytest.mark.parametrize("state", ["hidden", "veryHidden"])
+def test_a_hidden_sheet_is_read_only_alone(tmp_path: Path, state: str) -> None:
+    path = book(tmp_path, {"Old": posture(step=0.2), "New": posture()})
+    workbook = openpyxl.load_workbook(path)
+    workbook["Old"].sheet_state = state
+    workbook.active = workbook["New"]
+    workbook.save(path)
+    table = reba.read(path)
+    np.testing.assert_allclose(np.diff(table.data["time"]), 0.1)
+    says(next(text for text in table.quality.warnings if "sheet" in text), "'New' was read; left out: 'Old' (hidden)")
+    assert {topic["name"]: topic["why"] for topic in reba.info(path).topics}["Old"].startswith("hidden")
+    while workbook["New"].max_row > 1:
+        workbook["New"].delete_rows(1)
+    workbook.save(path)
+    np.testing.assert_allclose(np.diff(reba.read(path).data["time"]), 0.2)
 
 
 def test_the_rate_of_a_table_without_times(tmp_path: Path) -> None:
