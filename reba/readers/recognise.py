@@ -336,7 +336,9 @@ def _of_topic(recording: Recording, candidates: list[Match], topic: str) -> list
     ]
     chosen = chosen or [match for match in candidates if match.body == topic]
     if not chosen and not any(stream.name in (name, *name.split(JOINED)) for stream in recording.streams):
-        options = [stream.name for stream in recording.streams] + [match.body for match in candidates if match.body]
+        options = [stream.name for stream in recording.streams] + [
+            match.body for match in candidates if match.body and match.fits
+        ]
         raise NotThere(
             f"{recording.path}: no stream {topic!r}{did_you_mean(topic, options)}; "
             f"streams and bodies are {', '.join(dict.fromkeys(options)) or 'none'}"
