@@ -46,28 +46,51 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_mvnx(path: Path) -> Recording:
-    """Open an MVNX file: a stream `segments` of frames (z up, metres) and a stream `jointAngle` of joints [deg]."""
-    log = ReadLog(time_source="frame time")
-    parser = _parse(path, log)
-    if parser.bad_frames:
-        log.skip(parser.bad_frames, parser.first_bad)
-    if not parser.frames:
-        why = f"; the first of {parser.bad_frames} unusable ones: {parser.first_bad}" if parser.bad_frames else ""
+    """Open an MVNX file: of each subject a stream `segments` (z up, metres) and a stream `jointAngle` of joints [deg].
+
+    Where the file has several subjects, the label of the subject stands before the name of a stream.
+    """
+    opened = ReadLog()
+    parser = _parse(path, opened)
+    subjects = [subject for subject in parser.subjects if subject.frames]
+    for subject in parser.subjects:
+        if not subject.frames and subject.bad_frames:
+            opened.skip(subject.bad_frames, subject.first_bad)
+    streams: list[Stream] = []
+    topics: list[Topic] = []
+    labels = unique_names([subject.label for subject in subjects], opened)
+    log = opened
+    for subject, label in zip(subjects, labels, strict=True):
+        log = opened if len(subjects) == 1 else ReadLog()
+        log.time_source = "frame time"
+        if subject.bad_frames:
+            log.skip(subject.bad_frames, subject.first_bad)
+        time, epoch = _times(path, subject, log)
+        before = f"{label}/" if len(subjects) > 1 else ""
+        of_subject = [
+            make(subject, f"{before}{name}", parser.version, time, epoch, log)
+            for name, make in (("segments", _segments), ("jointAngle", _joints))
+        ]
+        streams += [stream for stream in of_subject if stream is not None]
+        topics += [
+            Topic(stream.name, "MVNX", len(time), True, f"{len(stream.names)} signals")
+            for stream in of_subject
+            if stream
+        ]
+    if not subjects:
+        bad, first = max((subject.bad_frames, subject.first_bad) for subject in parser.subjects)
+        why = f"; the first of {bad} unusable ones: {first}" if bad else ""
         raise ReadError(path, f"no complete frame of type normal{why}", hint="export the recording again")
-    time, epoch = _times(path, parser, log)
-    streams = [stream for stream in (_segments(parser, time, epoch, log), _joints(parser, time, epoch, log)) if stream]
     if not streams:
         raise ReadError(
             path,
             "its frames have neither 'orientation' nor 'jointAngle'",
             hint="export from MVN with segment orientation, position and joint angles",
         )
-    count = len(parser.frames)
-    topics = [Topic(stream.name, "MVNX", count, True, f"{len(stream.names)} signals") for stream in streams]
     topics += [
         Topic(tag, "MVNX", seen, False, "not used for posture") for tag, seen in sorted(parser.other_tags.items())
     ]
-    return Recording(str(path), "mvnx", tuple(streams), tuple(topics), log)
+    return Recording(str(path), "mvnx", tuple(streams), tuple(topics), opened)
 
 
 def _parse(path: Path, log: ReadLog) -> Parser:
@@ -80,37 +103,41 @@ def _parse(path: Path, log: ReadLog) -> Parser:
         parser.feed(b"", last=True)
     except expat.ExpatError as error:
         where = f"line {error.lineno}: {expat.ErrorString(error.code)}"
-        if not parser.frames:
+        count = sum(len(subject.frames) for subject in parser.subjects)
+        if not count:
             raise ReadError(path, f"{where}; no complete frame before it", hint="export the recording again") from error
-        log.ended_abnormally = f"{where}; the {len(parser.frames)} frames before it were read"
+        log.ended_abnormally = f"{where}; the {count} frames before it were read"
     return parser
 
 
-def _times(path: Path, parser: Parser, log: ReadLog) -> tuple[Array, float]:
+def _times(path: Path, subject: Subject, log: ReadLog) -> tuple[Array, float]:
     """Return the time of each frame [s] and the epoch [s], 0 if the file has no date."""
-    stated = np.array([frame.time for frame in parser.frames], dtype=np.float64)
-    first = parser.frames[0]
-    if np.isnan(stated).any():
-        if not 0 < parser.rate < 1e5:
+    stated = np.array([frame.time for frame in subject.frames], dtype=np.float64)
+    first, rate = subject.frames[0], subject.rate
+    step = float(np.median(np.diff(stated))) / 1000.0 if len(stated) > 1 else np.nan
+    if np.isnan(stated).any() or step == 0:
+        if not 0 < rate < 1e5:
             raise ReadError(path, "frames without 'time' and no 'frameRate'", hint="export the recording again")
         log.time_source = "frame rate"
-        log.warn(f"frames have no time; it was counted from frameRate {parser.rate:g} Hz")
-        return np.arange(len(stated)) / parser.rate, 0.0
+        log.warn(f"frames have no time; it was counted from frameRate {rate:g} Hz")
+        return np.arange(len(stated)) / rate, 0.0
+    if abs(step * rate - 1.0) > RATE_ERROR:
+        log.warn(f"frames are {step:g} s apart by their times, which were used, and {1 / rate:g} s by frameRate")
     time = stated / 1000.0
     return time, first.epoch / 1000.0 - float(time[0]) if first.epoch > 0 else 0.0
 
 
-def _segments(parser: Parser, time: Array, epoch: float, log: ReadLog) -> Stream | None:
+def _segments(subject: Subject, stream: str, version: str, time: Array, epoch: float, log: ReadLog) -> Stream | None:
     """Return the stream of segment poses, None if no frame has an orientation."""
-    if not any("orientation" in frame.values for frame in parser.frames):
+    if not any("orientation" in frame.values for frame in subject.frames):
         return None
-    names = unique_names(parser.segments, log)
-    poses = np.stack([_pose(frame, len(names)) for frame in parser.frames])
-    rest = _pose(parser.identity, len(names)) if parser.identity and "orientation" in parser.identity.values else None
+    names, identity = unique_names(subject.segments, log), subject.identity
+    poses = np.stack([_pose(frame, len(names)) for frame in subject.frames])
+    rest = _pose(identity, len(names)) if identity and "orientation" in identity.values else None
     return array_stream(
-        "segments",
+        stream,
         "frames",
-        f"MVNX {parser.version} segments",
+        f"MVNX {version} segments",
         names,
         time,
         poses,
@@ -136,15 +163,15 @@ def _pose(frame: Frame, count: int) -> Array:
     return pose
 
 
-def _joints(parser: Parser, time: Array, epoch: float, log: ReadLog) -> Stream | None:
+def _joints(subject: Subject, stream: str, version: str, time: Array, epoch: float, log: ReadLog) -> Stream | None:
     """Return the stream of joint angles `<joint>_x|y|z`, None if no frame has any."""
     names: list[str] = []
     columns: list[Array] = []
     for tag in ANGLES:
-        width = max((len(frame.values[tag]) for frame in parser.frames if tag in frame.values), default=0)
+        width = max((len(frame.values[tag]) for frame in subject.frames if tag in frame.values), default=0)
         if not width:
             continue
-        labels = list(parser.joints if tag == "jointAngle" else parser.ergonomic)
+        labels = list(subject.joints if tag == "jointAngle" else subject.ergonomic)
         if 3 * len(labels) != width:
             known = ERGONOMIC if tag == "jointAngleErgo" else ()
             labels = list(known[: width // 3]) if width // 3 <= len(known) else []
@@ -153,14 +180,14 @@ def _joints(parser: Parser, time: Array, epoch: float, log: ReadLog) -> Stream |
             continue
         names += [f"{label}_{axis}" for label in labels for axis in "xyz"]
         blank = np.full(width, np.nan)
-        rows = [frame.values.get(tag, blank) for frame in parser.frames]
+        rows = [frame.values.get(tag, blank) for frame in subject.frames]
         columns.append(np.stack([row if len(row) == width else blank for row in rows]))
     if not columns:
         return None
     return array_stream(
-        "jointAngle",
+        stream,
         "joints",
-        f"MVNX {parser.version} joint angles",
+        f"MVNX {version} joint angles",
         unique_names(names, log),
         time,
         np.concatenate(columns, axis=1),
@@ -176,6 +203,10 @@ WANTED: Final = ("orientation", "position", *ANGLES)
 """Elements of a frame that are read."""
 LABELS: Final = {"segment": "segments", "joint": "joints", "ergonomicJointAngle": "ergonomicJointAngles"}
 """Elements with a `label`, and their parent element."""
+RATE_ERROR: Final = 0.1
+"""Largest share by which the median step of the times may differ from that of `frameRate` without a warning; a choice:
+times are whole milliseconds."""
+MAX_SUBJECTS: Final = 50
 MAX_LABELS: Final = 1000
 MAX_TAGS: Final = 100
 MAX_DEPTH: Final = 100
@@ -190,32 +221,44 @@ class Frame:
     values: dict[str, Array] = field(default_factory=dict)
 
 
+@dataclass
+class Subject:
+    """What a file has of one person.
+
+    Attributes:
+        label: its name in the file.
+        rate: `frameRate` [Hz], NaN if not stated.
+        segments, joints, ergonomic: labels in the order of the file.
+        frames: complete frames of type normal.
+        identity: the calibration frame of type identity, else tpose, else None.
+        bad_frames, first_bad: number of frames whose values do not fit the segments, and the place of the first.
+    """
+
+    label: str = ""
+    rate: float = float("nan")
+    segments: list[str] = field(default_factory=list)
+    joints: list[str] = field(default_factory=list)
+    ergonomic: list[str] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
+    identity: Frame | None = None
+    bad_frames: int = 0
+    first_bad: str = ""
+
+
 class Parser:
     """Collects labels and frames from the chunks of a file.
 
     Attributes:
-        rate: of its first subject [Hz], NaN if not stated.
-        segments, joints, ergonomic: labels in the order of the file.
-        frames: complete frames of type normal, of the first subject.
-        identity: the calibration frame of type identity, else tpose, else None.
-        bad_frames, first_bad: number of frames whose values do not fit the segments, and the place of the first.
+        subjects: in the order of the file.
         other_tags: elements of frames that are not read -> their count.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.version = ""
-        self.rate = float("nan")
-        self.segments: list[str] = []
-        self.joints: list[str] = []
-        self.ergonomic: list[str] = []
-        self.frames: list[Frame] = []
-        self.identity: Frame | None = None
-        self.bad_frames = 0
-        self.first_bad = ""
+        self.subjects = [Subject()]
         self.other_tags: dict[str, int] = {}
         self._stack: list[str] = []
-        self._subjects = 0
         self._frame: Frame | None = None
         self._kind = ""
         self._problem = ""
@@ -260,11 +303,10 @@ class Parser:
         if tag == "mvnx":
             self.version = attributes.get("version", "")[:20]
         elif tag == "subject":
-            self._subjects += 1
-            if self._subjects == 1:
-                self.rate = _number(attributes.get("frameRate", ""))
-        elif self._subjects > 1:
-            return
+            if len(self.subjects) > MAX_SUBJECTS:
+                raise self._fail(f"more than {MAX_SUBJECTS} subjects")
+            label = attributes.get("label", "") or f"subject{len(self.subjects)}"
+            self.subjects.append(Subject(label, _number(attributes.get("frameRate", ""))))
         elif LABELS.get(tag) == parent:
             self._label(tag, attributes)
         elif tag == "frame":
@@ -275,10 +317,11 @@ class Parser:
             self.other_tags[tag] = self.other_tags.get(tag, 0) + (self._kind == "normal")
 
     def _label(self, tag: str, attributes: dict[str, str]) -> None:
-        labels = {"segment": self.segments, "joint": self.joints}.get(tag, self.ergonomic)
+        subject = self.subjects[-1]
+        labels = {"segment": subject.segments, "joint": subject.joints}.get(tag, subject.ergonomic)
         if len(labels) == MAX_LABELS:
             raise self._fail(f"more than {MAX_LABELS} elements {tag}")
-        if self.frames or self.identity is not None:  # frames before were checked against the labels so far
+        if subject.frames or subject.identity is not None:  # frames before were checked against the labels so far
             raise self._fail(f"an element {tag} after the first frame")
         labels.append(attributes.get("label", "") or f"{tag}{len(labels) + 1}")
 
@@ -300,7 +343,8 @@ class Parser:
     def _convert(self, frame: Frame, tag: str) -> None:
         """Convert the numbers of one element; a frame with values that do not fit is not used."""
         words = "".join(self._text).split()
-        width = {"orientation": 4 * len(self.segments), "position": 3 * len(self.segments)}.get(tag)
+        segments = len(self.subjects[-1].segments)
+        width = {"orientation": 4 * segments, "position": 3 * segments}.get(tag)
         try:
             values = np.array(words, dtype=np.float64)
         except ValueError:
@@ -322,14 +366,15 @@ class Parser:
         self._problem = self._problem or f"line {self._expat.CurrentLineNumber}: {what}"
 
     def _close_frame(self, frame: Frame) -> None:
+        subject = self.subjects[-1]
         if self._kind != "normal":
-            if self._kind == "identity" or (self._kind == "tpose" and self.identity is None):
-                self.identity = frame
+            if self._kind == "identity" or (self._kind == "tpose" and subject.identity is None):
+                subject.identity = frame
         elif self._problem:
-            self.bad_frames += 1
-            self.first_bad = self.first_bad or self._problem
+            subject.bad_frames += 1
+            subject.first_bad = subject.first_bad or self._problem
         elif frame.values:
-            self.frames.append(frame)
+            subject.frames.append(frame)
 
 
 def _number(text: str) -> float:

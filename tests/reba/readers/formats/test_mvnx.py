@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from reba.errors import ReadError
+import reba
+from reba.errors import ProfileError, ReadError
 from reba.readers.formats.mvnx import open_mvnx, sniff
 from reba.readers.recording.stream import Recording
 from tests.support.mvnx_text import ERGONOMIC, JOINTS, SEGMENTS, mvnx_text
@@ -103,6 +105,34 @@ def test_time_is_counted_where_frames_have_none(tmp_path: Path) -> None:
     assert recording.log.warnings
 
 
+def test_times_that_stand_still_and_those_of_another_unit(tmp_path: Path) -> None:
+    recording = opened(tmp_path, re.sub(r' time="[^"]*"', ' time="0"', SMALL))
+    np.testing.assert_allclose(next(recording.streams[0].blocks()).time, np.arange(3) / 60)
+    recording = opened(tmp_path, re.sub(r' time="(\d+)"', r' time="\g<1>000"', SMALL))
+    says(recording.log.warnings[0], "16.5 s apart", "0.0166667 s by frameRate")
+
+
+def test_of_several_subjects_one_is_chosen(tmp_path: Path) -> None:
+    start, end = SMALL.index("<subject"), SMALL.index("</mvnx>")
+    other = SMALL[start:end].replace('"Suit 1"', '"Suit 2"')
+    recording = opened(tmp_path, SMALL[:end] + other + SMALL[end:])
+    names = [f"Suit {number}/{stream}" for number in (1, 2) for stream in ("segments", "jointAngle")]
+    assert [stream.name for stream in recording.streams] == names
+    path = tmp_path / "small.mvnx"
+    with pytest.raises(ProfileError, match="2 bodies or streams fit") as caught:
+        reba.read(path)
+    says(caught, "Suit 1/segments", "Suit 2/segments", "--topic")
+    assert reba.read(path, topic="Suit 2/segments").topic == "Suit 2/segments"
+
+
+def test_a_subject_without_a_whole_frame_is_counted(tmp_path: Path) -> None:
+    start, end = SMALL.index("<subject"), SMALL.index("</mvnx>")
+    other = SMALL[start:end].replace("<orientation>", "<orientation>1 ")
+    recording = opened(tmp_path, SMALL[:end] + other + SMALL[end:])
+    assert [stream.name for stream in recording.streams] == ["segments", "jointAngle"]
+    assert recording.log.skipped == 3
+
+
 BOMB = (
     '<?xml version="1.0"?><!DOCTYPE mvnx [<!ENTITY a "aaaaaaaaaa">'
     + "".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(9))
@@ -122,6 +152,7 @@ BOMB = (
         (b"\x00\xff\xfe garbage", "line 1: "),
         ("<mvnx>" + "<a>" * 100_000, "elements nested deeper than 100"),
         ("<mvnx><subject><segments>" + "<segment/>" * 2000, "more than 1000 elements segment"),
+        ("<mvnx>" + "<subject/>" * 60, "more than 50 subjects"),
         (SMALL[:3000], "no complete frame before"),
         (SMALL[: SMALL.index('type="normal"') - 80] + "</frames></subject></mvnx>", "no complete frame"),
         (without("orientation", "jointAngle", "jointAngleErgo"), "neither 'orientation' nor 'jointAngle'"),
