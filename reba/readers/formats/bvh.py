@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
@@ -24,6 +26,9 @@ from reba.readers.recording.stream import ReadLog, Recording, Topic, array_strea
 
 MAX_JOINTS = 1000
 """More joints than any body model has; protects memory from damaged files."""
+LONGEST_FRAME = 1.0
+"""[s] No motion is captured more slowly; a choice."""
+UNIT = "lengths in the unit of the file, which BVH does not state"
 
 
 def sniff(path: Path, head: bytes) -> bool:
@@ -32,7 +37,9 @@ def sniff(path: Path, head: bytes) -> bool:
 
 
 def open_bvh(path: Path) -> Recording:
-    """Open a BVH file: one stream of frames, the global pose of each joint and end site.
+    """Open a BVH file: a stream of frames, the global pose of each joint and end site.
+
+    Skeletons of several roots that repeat names are several people, each a stream under the name of its root.
 
     The stream's values are (n, k, 7): x y z in the unit of the file and qx qy qz qw, in the world of the file; `rest`
     is the pose with every channel zero. An end site is called `<joint>_end`.
@@ -40,7 +47,6 @@ def open_bvh(path: Path) -> Recording:
     log = ReadLog(time_source="frame time")
     lines = read_lines(path, log)
     joints, motion = _Hierarchy(path, lines).parse()
-    names = unique_names([joint.name for joint in joints], log)
     skeleton = BvhSkeleton(tuple(joints))
     if not skeleton.width:
         raise ReadError(path, "no joint has a channel, so no joint moves", hint="export the motion with it")
@@ -58,19 +64,29 @@ def open_bvh(path: Path) -> Recording:
     add = skeleton.adds_positions(rows)
     if add is False:
         log.warn("position channels of inner joints repeat the offsets; they were read as replacing them")
-    stream = array_stream(
-        unpacked_name(path).stem,
-        "frames",
-        "BVH",
-        names,
-        np.arange(len(rows), dtype=np.float64) * frame_time,
-        lambda part: skeleton.poses(rows[part], add),
-        opened=log,
-        parents=("",) * len(names),
-        rest=skeleton.rest(),
+    if frame_time > LONGEST_FRAME:
+        log.warn(f"frames are {frame_time:g} s apart: check that Frame Time is in seconds")
+    trees = skeleton.trees()
+    labels = unique_names([joints[tree.start].name for tree in trees], log)
+    streams = [
+        array_stream(
+            label if len(trees) > 1 else unpacked_name(path).stem,
+            "frames",
+            "BVH",
+            names := unique_names([joint.name for joint in joints[tree]], log),
+            np.arange(len(rows), dtype=np.float64) * frame_time,
+            partial(skeleton.poses_of, tree, rows, add),
+            opened=log,
+            parents=("",) * len(names),
+            rest=skeleton.rest()[tree],
+        )
+        for tree, label in zip(trees, labels, strict=True)
+    ]
+    topics = tuple(
+        Topic(stream.name, "BVH motion", len(rows), True, f"{len(stream.names)} joints and end sites; {UNIT}")
+        for stream in streams
     )
-    why = f"{len(names)} joints and end sites; lengths in the unit of the file, which BVH does not state"
-    return Recording(str(path), "bvh", (stream,), (Topic(stream.name, "BVH motion", len(rows), True, why),), log)
+    return Recording(str(path), "bvh", tuple(streams), topics, log)
 
 
 def _motion_header(path: Path, lines: list[str], motion: int) -> tuple[int, float, int]:
@@ -243,6 +259,13 @@ class BvhSkeleton:
         """Channel values in a frame."""
         return sum(len(joint.channels) for joint in self.joints)
 
+    def trees(self) -> list[slice]:
+        """Return the joints of each person: below each root where roots repeat names, else all."""
+        roots = [index for index, joint in enumerate(self.joints) if joint.parent < 0]
+        trees = [slice(*ends) for ends in pairwise([*roots, len(self.joints)])]
+        names = [{joint.name for joint in self.joints[tree]} for tree in trees]
+        return trees if sum(map(len, names)) > len(set().union(*names)) else [slice(0, len(self.joints))]
+
     def rest(self) -> Array:
         """Return (k, 7) global poses with every channel zero: summed offsets and identity quaternions."""
         poses = np.zeros((len(self.joints), 7))
@@ -273,6 +296,10 @@ class BvhSkeleton:
                     to_offset += float(np.median(np.abs(rows[:, start] - joint.offset[axis])))
                 start += 1
         return None if to_zero == to_offset == 0.0 else to_zero <= to_offset
+
+    def poses_of(self, tree: slice, rows: Array, add: bool | None, part: slice) -> Array:
+        """Return the poses of the joints of a person in a part of the rows; otherwise as `poses`."""
+        return self.poses(rows[part], add)[:, tree]
 
     def poses(self, rows: Array, add: bool | None) -> Array:
         """Return (n, k, 7) global poses x y z qx qy qz qw of channel values (n, `width`).

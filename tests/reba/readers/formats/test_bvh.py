@@ -89,6 +89,33 @@ def test_rest_is_the_sum_of_the_offsets(tmp_path: Path) -> None:
     np.testing.assert_array_equal(rest[:, 3:], [[0, 0, 0, 1]] * 4)
 
 
+def test_skeletons_that_repeat_names_are_people(tmp_path: Path) -> None:
+    head, motion = SMALL.split("MOTION\n")
+    lines = motion.splitlines()
+    rows = [f"{row} {again}" for row, again in zip(lines[2:], reversed(lines[2:]), strict=True)]
+    text = head + head.removeprefix("HIERARCHY\n") + "\n".join(["MOTION", *lines[:2], *rows]) + "\n"
+    first, second = open_bvh(write(tmp_path, text)).streams
+    assert (first.name, second.name, first.names) == ("Hips", "Hips_2", second.names)
+    alone = values(write(tmp_path, SMALL))
+    open_bvh(write(tmp_path, text))
+    (one,), (other,) = first.blocks(), second.blocks()
+    np.testing.assert_array_equal(one.values, alone)
+    np.testing.assert_array_equal(other.values, alone[::-1])
+    np.testing.assert_array_equal(second.rest, first.rest)
+
+
+def test_roots_of_other_names_belong_to_one_stream(tmp_path: Path) -> None:
+    head, motion = SMALL.split("MOTION\n")
+    prop = "ROOT Box\n{\n OFFSET 0 0 0\n CHANNELS 3 Xposition Yposition Zposition\n}\n"
+    rows = [f"{row} 1 2 3" if at > 1 else row for at, row in enumerate(motion.splitlines())]
+    (stream,) = open_bvh(write(tmp_path, head + prop + "\n".join(["MOTION", *rows]) + "\n")).streams
+    assert stream.names[-1] == "Box"
+
+
+def test_a_frame_time_in_other_units_is_told(tmp_path: Path) -> None:
+    says(open_bvh(write(tmp_path, SMALL.replace("0.02", "20"))).log.warnings[0], "20 s apart", "Frame Time")
+
+
 def test_names_limit_the_signals(tmp_path: Path) -> None:
     path = write(tmp_path, SMALL)
     np.testing.assert_array_equal(values(path, ["Left Arm", "unknown"])[:, 0], values(path)[:, 2])
