@@ -62,7 +62,7 @@ class ReadingOptions:
 
 
 UNIT_SECONDS = 10.0
-"""[s] First angles that show the unit; a choice: nobody keeps every joint within three degrees for so long."""
+"""[s] First angles that show the unit; a choice: no person keeps every joint within three degrees that long."""
 
 
 class UnitCheck:
