@@ -68,6 +68,7 @@ class CollisionConstraints:
         points: (m,) time of each constraint in steps of 1 / POINTS_PER_SLICE slices; new ones come last.
         pairs: (m,) its pair of bodies.
         contacts_alone: whether only pairs become active for which actions declare contact or a distance.
+        stride: constraints become active in every so manieth slice of a phase alone, the last one among them.
     """
 
     def __init__(self, world: World, phases: Phases, initial_configuration: Array, margin: float = MARGIN) -> None:
@@ -89,7 +90,7 @@ class CollisionConstraints:
         )
         self._contacts = (self._limits != margin).any(axis=0)
         self._grips = np.array([self.collisions.is_grip(pair) for pair in pairs], dtype=bool)
-        self.contacts_alone = False
+        self.contacts_alone, self.stride = False, 1
         at_first = required_distances(shapes, pairs, contacts, np.zeros(1), margin, self.collisions.close)
         near = self._near(
             initial_configuration[None], np.zeros(1, np.intp), np.zeros(self.collisions.modes.size), 0.0, at_first
@@ -112,6 +113,8 @@ class CollisionConstraints:
         new = self._nearest_of_slice(near, clearance) & (clearance < EARLY_MARGIN)
         if self.contacts_alone:
             new &= self._contacts[near.pairs]
+        before_end = self.phases.slices - 1 - near.slices // POINTS_PER_SLICE % self.phases.slices
+        new &= before_end % self.stride == 0
         new &= ~np.isin(near.slices * count + near.pairs, self.points * count + self.pairs)
         violated = int(np.count_nonzero(new & (clearance < -MARGIN_TOLERANCE)))
         if not violated:

@@ -44,6 +44,8 @@ COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
 STUCK, STUCK_ROUNDS = (SolveStatus.INFEASIBLE, SolveStatus.STALLED), 2
 """Rounds in turn that end so, with a larger violation: more constraints get no path out of there."""
+HOPELESS_ROUNDS = 2
+"""Rounds in turn that cost too much before any path is found: they hardly ever lead back to a cheap one."""
 DEARER = 1.01
 """Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints
 that are added later seldom make a path cheaper, and never by that much as far as is known."""
@@ -64,6 +66,7 @@ def solve_constrained(
     rounds: int = ROUNDS,
     cost_limit: float = math.inf,
     unsettled: float = 1.0,
+    hopeless: float = math.inf,
     coarse: bool = False,
 ) -> tuple[PathProblem, Result]:
     """Return the problem of the last round and its result; constraints left violated show that it failed.
@@ -75,10 +78,11 @@ def solve_constrained(
         solved: whether `first` is at its minimum; otherwise it is an initial guess only.
         cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
         unsettled: the same relative to `cost_limit` after a round that did not end at a minimum.
+        hopeless: cost of `HOPELESS_ROUNDS` rounds in turn, whose constraints are far from holding, at which to stop.
         coarse: whether constraints that the last round violates, and that were not active in it, are left out.
     """
     problem, result = problem_of(constraints), first
-    final, stuck = solved, 0
+    final, stuck, dear = solved, 0, 0
     for number in range(rounds):
         violated = constraints.add_violated(*problem.split(result.x))
         if not violated and final:
@@ -98,7 +102,8 @@ def solve_constrained(
         )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
         stuck = stuck + 1 if result.status in STUCK and result.violation > COMPARABLE_VIOLATION else 0
-        if stuck == STUCK_ROUNDS or exceeds(result, cost_limit, unsettled):
+        dear = dear + 1 if result.cost > hopeless and result.violation > COMPARABLE_VIOLATION else 0
+        if stuck == STUCK_ROUNDS or dear == HOPELESS_ROUNDS or exceeds(result, cost_limit, unsettled):
             break
         # At a stationary point of the violation a solve to the final tolerance would not reduce it either.
         final = final or result.status is SolveStatus.INFEASIBLE
@@ -125,6 +130,37 @@ def solve_contacts(
     )
     constraints.collisions.contacts_alone = False
     return solved
+
+
+def solve_coarse_to_fine(
+    problem_of: ProblemOf, constraints: MotionConstraints, first: Result, cost_limit: float, hopeless: float
+) -> tuple[PathProblem, Result]:
+    """Return the path, to a coarse tolerance, whose bodies are first apart at the ends of phases, then between them.
+
+    The constraints of all slices at once ask for a way around in a single step, which mostly ends where no motion leads
+    on. Those of the ends alone move the postures; halving the time between constraints then leads the path around
+    step by step. Arguments as of `solve_constrained`; constraints left violated show that it failed.
+    """
+    assert constraints.collisions is not None
+    stride = constraints.collisions.phases.slices
+    problem, result = problem_of(constraints), first
+    while stride:
+        constraints.collisions.stride = stride
+        problem, result = solve_constrained(
+            problem_of,
+            constraints,
+            result,
+            CANDIDATE_OPTIONS,
+            solved=False,
+            rounds=CANDIDATE_ROUNDS,
+            hopeless=hopeless,
+            coarse=True,
+        )
+        if result.violation > COMPARABLE_VIOLATION or exceeds(result, cost_limit):
+            break
+        stride //= 2
+    constraints.collisions.stride = 1
+    return problem, result
 
 
 def exceeds(result: Result, cost_limit: float, unsettled: float = 1.0) -> bool:
@@ -160,9 +196,11 @@ GUESS_AMPLITUDES = (0.3, 0.5)
 """Largest share of the way from the path to random postures, in turn."""
 GUESSES = 12
 """Initial guesses drawn: their total penetration costs little compared with solving one."""
-CANDIDATES = 4
+CANDIDATES = 6
 """Guesses solved where a plan or a plausible path is known; otherwise sampled motions follow, and all of them where
 those fail too. Drawn ones are in turn the next of least total penetration and the next drawn."""
+DISTURBED = 4
+"""Disturbed paths drawn; that they are four is a choice."""
 DISTURBANCE, WAVES = 0.02, 3
 """[rad, m] Standard deviation of the first wave of a disturbed path, and number of waves: a choice; larger disturbances
 lead to farther and mostly dearer paths."""
@@ -183,12 +221,20 @@ class CandidatePath:
     result: Result
 
 
+@dataclass(frozen=True)
+class Guess:
+    """An initial guess of a candidate; `gradual`: solved by `solve_coarse_to_fine`."""
+
+    motion: Motion
+    gradual: bool = False
+
+
 def multi_start(
     problem_of: ProblemOf,
     active_of: Callable[[], MotionConstraints],
     problem: PathProblem,
     contacts: Result,
-    guesses: Iterator[Motion],
+    guesses: Iterator[Guess],
     least: float,
     cost_limit: float = math.inf,
 ) -> CandidatePath | None:
@@ -211,19 +257,23 @@ def multi_start(
         constraints = active_of()
         improved = IMPROVEMENT * least
         limit = min(improved, cost_limit)
-        candidate = CandidatePath(
-            constraints,
-            *solve_constrained(
+        start = replace(begin, x=problem.join(*guess.motion))
+        hopeless = min(limit, PLAUSIBLE_RATIO * contacts.cost)
+        if guess.gradual:
+            solved = solve_coarse_to_fine(problem_of, constraints, start, limit, PLAUSIBLE_RATIO * contacts.cost)
+        else:
+            solved = solve_constrained(
                 problem_of,
                 constraints,
-                replace(begin, x=problem.join(*guess)),
+                start,
                 CANDIDATE_OPTIONS,
                 solved=False,
                 rounds=CANDIDATE_ROUNDS,
                 cost_limit=limit,
+                hopeless=hopeless,
                 coarse=True,
-            ),
-        )
+            )
+        candidate = CandidatePath(constraints, *solved)
         cost = candidate.result.cost
         better = candidate.result.violation <= CLOSE and cost < limit
         too_dear = not better and cost < improved and exceeds(candidate.result, cost_limit)
@@ -245,12 +295,13 @@ def candidate_guesses(
     variables: Array,
     reference: Motion | None = None,
     sampled: Callable[[], Iterable[Motion]] = tuple,
-) -> Iterator[Motion]:
+) -> Iterator[Guess]:
     """Yield the initial guesses of the candidates.
 
     First the path with the robot joints of the reference, if there is one, and the reference, which keeps all
-    constraints; then, in turn, the next of least total penetration and the next drawn. After `CANDIDATES` of these come
-    the sampled motions, which take long, are expensive at first, and are collision-free.
+    constraints; the path itself, and slightly disturbed, to be solved gradually; then, in turn, the next of least total
+    penetration and the next drawn. After `CANDIDATES` of these come the sampled motions, which take long, are expensive
+    at first, and are collision-free.
 
     Args:
         reference: motion of the same actions under another cost.
@@ -258,27 +309,31 @@ def candidate_guesses(
     """
     nearby = _nearby_guesses(problem, path, variables, reference)
     yield from islice(nearby, CANDIDATES)
-    yield from sampled()
+    yield from map(Guess, sampled())
     yield from nearby
 
 
-def _nearby_guesses(problem: PathProblem, path: Array, variables: Array, reference: Motion | None) -> Iterator[Motion]:
+def _nearby_guesses(problem: PathProblem, path: Array, variables: Array, reference: Motion | None) -> Iterator[Guess]:
     world = problem.world
     if reference is not None:
         robots = [column for name in world.scene.robots for column in world.columns(name)]
         guess = path.copy()
         guess[:, robots] = reference[0][:, robots]
-        yield guess, variables
-        yield reference
+        yield Guess((guess, variables))
+        yield Guess(reference)
+    yield Guess((path, variables), gradual=True)
+    yield from islice(disturbed_guesses(problem, path, variables, gradual=True), 1)
     constraints = CollisionConstraints(world, problem.phases, problem.initial_configuration)
     guesses = list(initial_guesses(world, problem.phases, path, GUESSES))
     depths = [constraints.total_penetration(guess, variables) for guess in guesses]
     by_depth = np.argsort(depths, kind="stable").tolist()
     order = dict.fromkeys(number for pair in zip(by_depth, range(GUESSES), strict=True) for number in pair)
-    yield from ((guesses[number], variables) for number in order)
+    yield from (Guess((guesses[number], variables)) for number in order)
 
 
-def disturbed_guesses(problem: PathProblem, path: Array, variables: Array, seed: int = 0) -> Iterator[Motion]:
+def disturbed_guesses(
+    problem: PathProblem, path: Array, variables: Array, seed: int = 0, *, gradual: bool = False
+) -> Iterator[Guess]:
     """Yield a path (T, nq) with a small smooth random motion of all joints added.
 
     Where bodies overlap at first, which way they are moved apart may hang on little: the path that is found is then the
@@ -287,11 +342,11 @@ def disturbed_guesses(problem: PathProblem, path: Array, variables: Array, seed:
     rng = np.random.default_rng(seed)
     time = np.linspace(0.0, 1.0, len(path))[:, None]
     low, high = problem.world.lower, problem.world.upper
-    for _ in range(CANDIDATES):
+    for _ in range(DISTURBED):
         waves = (
             np.sin(np.pi * k * time) * rng.normal(0.0, DISTURBANCE / k, path.shape[1]) for k in range(1, WAVES + 1)
         )
-        yield np.clip(path + sum(waves), low, high), variables
+        yield Guess((np.clip(path + sum(waves), low, high), variables), gradual)
 
 
 def initial_guesses(world: World, phases: Phases, path: Array, count: int) -> Iterator[Array]:

@@ -21,7 +21,9 @@ from lgp.path.collision_path import (
     COMPARABLE_VIOLATION,
     DEARER,
     MULTI_START_RATIO,
+    PLAUSIBLE_RATIO,
     UNSETTLED,
+    Guess,
     ProblemOf,
     candidate_guesses,
     collision_options,
@@ -75,7 +77,7 @@ class _Guesses:
         starts: of the free path.
     """
 
-    left: Iterator[Motion]
+    left: Iterator[Guess]
     contacts: Result
     nearest: Answer
     starts: tuple[int, int]
@@ -222,6 +224,7 @@ class PathSolver:
             solved=False,
             cost_limit=limit,
             unsettled=UNSETTLED,
+            hopeless=min(limit, PLAUSIBLE_RATIO * contacts.cost),
         )
         too_dear = exceeds(solved[1], limit, UNSETTLED)
         nearest = self._given_up(*solved) if too_dear else self.accept(*solved, free.starts)

@@ -174,3 +174,17 @@ def test_a_plan_holds_its_deepest_penetration(world: World) -> None:
     assert around.feasible
     assert around.residuals["penetration"] == 0.0
     assert around.costs["total"] >= through.costs["total"] - 1e-6
+
+
+def test_a_stride_leaves_out_what_lies_between(world: World, actions: tuple[Action, ...], free: Solution) -> None:
+    phases = PathBounds(world, slices=SLICES).phases(actions)
+    found: dict[int, set[tuple[int, int]]] = {}
+    for stride in (SLICES, SLICES // 2, 1):
+        constraints = CollisionConstraints(world, phases, world.initial_configuration)
+        constraints.stride = stride
+        constraints.add_violated(free.path, free.variables)
+        found[stride] = set(zip(constraints.points.tolist(), constraints.pairs.tolist(), strict=True))
+        slices = {point // POINTS_PER_SLICE for point, _ in found[stride]}
+        assert all((at + 1) % stride == 0 for at in slices)
+    assert found[SLICES] < found[SLICES // 2] < found[1]
+    assert any((at // POINTS_PER_SLICE + 1) % SLICES == 0 for at, _ in found[SLICES])

@@ -123,9 +123,15 @@ def test_the_first_candidates_have_the_robots_of_the_reference_and_all(
     without, other = free(bounds, found), blocked[1].payload
     reference = other.path, other.variables
     guesses = candidate_guesses(problem, without.path, without.variables, reference)
-    first, variables = next(guesses)
+    first, variables = next(guesses).motion
     assert np.array_equal(first[:, robot], other.path[:, robot])
     assert np.array_equal(variables, without.variables)
-    assert next(guesses) is reference
+    assert next(guesses).motion is reference
+    own, near = next(guesses), next(guesses)
+    assert own.gradual
+    assert own.motion[0] is without.path
+    assert near.gradual
+    assert 0.0 < np.abs(near.motion[0] - without.path).max() < 0.2
+    assert not next(guesses).gradual
     others = np.setdiff1d(np.arange(bounds.world.nq), robot)
     assert np.array_equal(first[:, others], without.path[:, others])
