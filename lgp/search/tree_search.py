@@ -22,6 +22,7 @@ import math
 import re
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext, suppress
 
 from lgp.logic.heuristic import relaxed_plan, why_unreachable
 from lgp.logic.impossible import exclusive_goals, fewest_actions
@@ -29,7 +30,7 @@ from lgp.logic.task import Task
 from lgp.search.order import OpenNodes
 from lgp.search.reasons import in_short, why_cut_short
 from lgp.search.records import BoundResult, Bounds, Budget, LevelStatistics, Node, SearchResult, SearchStatus, Skeleton
-from lgp.search.time_limit import time_is_up, time_limit
+from lgp.search.time_limit import TimeIsUp, stopped_at_limit, time_is_up, time_limit
 
 PATIENCE = 100
 """Nodes extended until a search without a plan goes depth first."""
@@ -83,8 +84,9 @@ class _Search:
         self._extend(self.nodes[0])
         try:
             with time_limit(self.budget.seconds):
-                while not time_is_up() and (self.open or self._reopen() or self.postponed):
-                    self._step()
+                with suppress(TimeIsUp):
+                    while not time_is_up() and (self.open or self._reopen() or self.postponed):
+                        self._step()
                 # What was cut short at the last problem proves nothing either.
                 self.cut_short = time_is_up()
         except KeyboardInterrupt:
@@ -266,8 +268,9 @@ class _Search:
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
         more = {"thorough": True} if thorough else {}
         try:
-            result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
-        except KeyboardInterrupt:
+            with nullcontext() if self.incumbent is None else stopped_at_limit():
+                result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
+        except (KeyboardInterrupt, TimeIsUp):
             self.open.push(node)  # its bound is part of what is still open
             raise
         self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)
