@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -38,7 +38,15 @@ from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.reasons import why_cut_short
-from lgp.search.records import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton
+from lgp.search.records import (
+    BoundResult,
+    Budget,
+    LevelStatistics,
+    SearchProgress,
+    SearchResult,
+    SearchStatus,
+    Skeleton,
+)
 from lgp.search.time_limit import TimeIsUp, stopped_at_limit, time_limit
 from lgp.search.tree_search import search
 from reba.arrays import Array
@@ -82,6 +90,7 @@ def plan(
     world: World | None = None,
     collisions: bool = True,
     accept_start: bool = False,
+    on_progress: Callable[[SearchProgress], None] | None = None,
 ) -> Plan:
     """Return the sequence of actions and the motion of all agents with the least cost.
 
@@ -101,6 +110,7 @@ def plan(
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
         accept_start: plan from a start in which bodies are in each other; otherwise it is refused.
             `residuals["start_penetration"]` is the depth [m].
+        on_progress: called now and then with what the search knows so far: `cost`, `bound`, `gap`, and its `step`.
 
     Returns:
         The plan with what an independent `audit` of it found, without actions where the goal holds already; the best so
@@ -127,9 +137,15 @@ def plan(
     if collisions and not accept_start and not task.is_goal(task.initial):
         check_start(world, initial)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
-    budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)
+    budget = Budget(
+        scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True, on_progress=on_progress
+    )
     begin = time.perf_counter()
     alone = plan_within(bounds, task, skeleton, with_time_left(budget, scene))
+    if on_progress is not None and scene.concurrent and alone.feasible:
+        counts = alone.search
+        known = counts["expanded"], counts["paths"], alone.costs["total"], counts["bound"]
+        on_progress(SearchProgress("trying actions at the same time", *known))
     return at_the_same_time(bounds, task, alone, seconds - (time.perf_counter() - begin))
 
 
@@ -155,6 +171,10 @@ def _with_better_motion(bounds: PathBounds, result: SearchResult, budget: Budget
     if not isinstance(result.payload, Solution) or result.status is SearchStatus.INTERRUPTED:
         return result
     begin = time.perf_counter()
+    if budget.on_progress is not None:
+        paths = result.statistics[bounds.levels[-1]].solved
+        known = SearchProgress("improving the motion", len(result.nodes), paths, result.cost, result.bound)
+        budget.on_progress(known)
     try:
         with time_limit(budget.seconds - result.seconds), stopped_at_limit():
             better = bounds.improved(result.skeleton)
