@@ -113,19 +113,22 @@ def plan(
     loaded = loaded if time_weight is None else loaded.with_time_weight(time_weight)
     lines = None if sequence is None else _read(sequence)
     with no_garbage():
+        from lgp.console import shown_progress
         from lgp.plan_files import holds_plan
         from lgp.planner import INTERRUPTED
         from lgp.planner import plan as make_plan
 
-    result = make_plan(
-        loaded,
-        None if no_ergonomics else cost or SCENE_COST,
-        sequence=lines,
-        depth=depth,
-        seconds=float("inf") if seconds is None else seconds,
-        collisions=not no_collisions,
-        accept_start=accept_start,
-    )
+    with shown_progress() as on_progress:
+        result = make_plan(
+            loaded,
+            None if no_ergonomics else cost or SCENE_COST,
+            sequence=lines,
+            depth=depth,
+            seconds=float("inf") if seconds is None else seconds,
+            collisions=not no_collisions,
+            accept_start=accept_start,
+            on_progress=on_progress,
+        )
     if output is not None and not result.feasible and holds_plan(Path(output)):
         echo(f"lgp: {output}: its former plan is kept", err=True)
         output = None

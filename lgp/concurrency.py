@@ -14,6 +14,7 @@ from typing import Any, Final
 from lgp.path.partial_order import Layout, earliest_phases, joined_phases
 from lgp.plan_record import Plan
 from lgp.search.records import Skeleton
+from lgp.search.time_limit import TimeIsUp
 
 MOST_PATHS: Final = 8
 """Paths that are solved for the actions of one plan, at most."""
@@ -35,18 +36,23 @@ def with_concurrent_actions(plan: Plan, skeleton: Skeleton, follow: Follow) -> P
     every, alone = earliest_phases(skeleton), earliest_phases(skeleton, everyone)
     if every == alone:
         return replace(plan, concurrent=_record(plan, None, 0, "every action depends on the one before it"))
-    tried: dict[Layout, Plan] = {every: follow(joined_phases(skeleton, every))}
-    reason = _not_better(tried[every], plan)
-    best, separate = (plan, everyone) if reason else (tried[every], set())
-    for number in sorted(separate):
-        layout = earliest_phases(skeleton, separate - {number})
-        if layout == alone or layout in tried:
-            continue
-        if len(tried) == MOST_PATHS:
-            break
-        tried[layout] = follow(joined_phases(skeleton, layout))
-        if not _not_better(tried[layout], best):
-            best, separate = tried[layout], separate - {number}
+    tried: dict[Layout, Plan] = {}
+    best, separate, reason = plan, everyone, ""
+    try:
+        tried[every] = follow(joined_phases(skeleton, every))
+        reason = _not_better(tried[every], plan)
+        best, separate = (plan, everyone) if reason else (tried[every], set())
+        for number in sorted(separate):
+            layout = earliest_phases(skeleton, separate - {number})
+            if layout == alone or layout in tried:
+                continue
+            if len(tried) == MOST_PATHS:
+                break
+            tried[layout] = follow(joined_phases(skeleton, layout))
+            if not _not_better(tried[layout], best):
+                best, separate = tried[layout], separate - {number}
+    except TimeIsUp:
+        reason = "; ".join([*([reason] if reason else []), "the time limit was reached, allow more"])
     feasible = [one for one in tried.values() if one.feasible]
     other = min(feasible, key=lambda one: one.costs["total"], default=None) if best is plan else best
     record = _record(plan, other, len(tried), reason, kept=best is not plan)

@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich.table import Table
 
 from lgp.logic.task import numbered
-from reba.terminal import Console, Text
+from lgp.search.records import SearchProgress
+from reba.terminal import Console, ProgressLine, Text
+
+
+@contextmanager
+def shown_progress() -> Iterator[Callable[[SearchProgress], None] | None]:
+    """Give a function that shows the progress of a search in one line on a terminal; elsewhere None."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield None
+        return
+    with ProgressLine("planning") as line:
+        yield lambda progress: line.show(progress_text(progress))
+
+
+def progress_text(progress: SearchProgress) -> str:
+    """Return the progress of a search as one line.
+
+    >>> progress_text(SearchProgress("searching", 77, 1, 11.274, 2.15))
+    'searching: 77 sequences, 1 path; cost 11.27, bound 2.15, gap 81 %'
+    >>> progress_text(SearchProgress("searching", 1, 0, float("inf"), 0.0))
+    'searching: 1 sequence, 0 paths; no plan yet'
+    """
+    counts = f"{progress.step}: {_number(progress.sequences, 'sequence')}, {_number(progress.paths, 'path')}; "
+    if math.isinf(progress.cost):
+        return counts + "no plan yet"
+    return counts + f"cost {progress.cost:.2f}, bound {progress.bound:.2f}, gap {100 * progress.gap:.0f} %"
+
+
+def _number(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def show_plan(console: Console, summary: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -38,8 +38,16 @@ from lgp.scene.consistency import check_first_facts
 from lgp.scene.model import Scene
 from lgp.scene.scene_file import load_scene
 from lgp.search.reasons import why_cut_short
-from lgp.search.records import BoundResult, Budget, LevelStatistics, SearchResult, SearchStatus, Skeleton
-from lgp.search.time_limit import time_limit
+from lgp.search.records import (
+    BoundResult,
+    Budget,
+    LevelStatistics,
+    SearchProgress,
+    SearchResult,
+    SearchStatus,
+    Skeleton,
+)
+from lgp.search.time_limit import TimeIsUp, stopped_at_limit, time_limit
 from lgp.search.tree_search import search
 from reba.arrays import Array
 from reba.checks import COUNT, PATH, YES_NO, Allowed, accepts, from_home, is_number
@@ -54,6 +62,8 @@ COST_MODEL: Final = Allowed(
 )
 INTERRUPTED: Final = SearchStatus.INTERRUPTED.name.lower()
 """`Plan.status` after an interrupt."""
+SEARCH_SHARE: Final = 0.6
+"""Share of the time limit that a search has where concurrent actions of its plan are tried after it."""
 SECONDS: Final = Allowed("seconds above 0", lambda value: is_number(value) and value > 0)
 
 
@@ -80,6 +90,7 @@ def plan(
     world: World | None = None,
     collisions: bool = True,
     accept_start: bool = False,
+    on_progress: Callable[[SearchProgress], None] | None = None,
 ) -> Plan:
     """Return the sequence of actions and the motion of all agents with the least cost.
 
@@ -90,8 +101,8 @@ def plan(
         sequence: actions to plan for instead of searching, as a plan prints them: `grasp(1, baxter.right, box)`; the
             number of the phase may be left out, and actions with the same one happen at the same time.
         depth: longest sequence of actions, the scene's by default.
-        seconds: wall-clock limit of the search or of the given sequence [s]; the best plan so far is returned. A path
-            that is being solved then is finished, and not improved.
+        seconds: wall-clock limit of the search or of the given sequence [s], concurrent actions included; the best plan
+            so far is returned. Only while there is none, the path that is being solved then is finished.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
         weights: of the terms of the cost, by default those of the scene.
@@ -99,6 +110,7 @@ def plan(
         collisions: constrain the path to be collision-free; `residuals["penetration"]` is computed either way.
         accept_start: plan from a start in which bodies are in each other; otherwise it is refused.
             `residuals["start_penetration"]` is the depth [m].
+        on_progress: called now and then with what the search knows so far: `cost`, `bound`, `gap`, and its `step`.
 
     Returns:
         The plan with what an independent `audit` of it found, without actions where the goal holds already; the best so
@@ -125,8 +137,21 @@ def plan(
     if collisions and not accept_start and not task.is_goal(task.initial):
         check_start(world, initial)
     bounds = PathBounds(world, _ergonomics(world, cost), weights, initial, slices, collisions=collisions)
-    budget = Budget(scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True)
-    return at_the_same_time(bounds, task, plan_within(bounds, task, skeleton, budget))
+    budget = Budget(
+        scene.depth if depth is None else depth, seconds=seconds, keep_interrupted=True, on_progress=on_progress
+    )
+    begin = time.perf_counter()
+    alone = plan_within(bounds, task, skeleton, with_time_left(budget, scene))
+    if on_progress is not None and scene.concurrent and alone.feasible:
+        counts = alone.search
+        known = counts["expanded"], counts["paths"], alone.costs["total"], counts["bound"]
+        on_progress(SearchProgress("trying actions at the same time", *known))
+    return at_the_same_time(bounds, task, alone, seconds - (time.perf_counter() - begin))
+
+
+def with_time_left(budget: Budget, scene: Scene) -> Budget:
+    """Return the budget of a search that leaves time for concurrent actions, where its scene asks for them."""
+    return replace(budget, seconds=SEARCH_SHARE * budget.seconds) if scene.concurrent else budget
 
 
 def plan_within(
@@ -146,9 +171,15 @@ def _with_better_motion(bounds: PathBounds, result: SearchResult, budget: Budget
     if not isinstance(result.payload, Solution) or result.status is SearchStatus.INTERRUPTED:
         return result
     begin = time.perf_counter()
+    if budget.on_progress is not None:
+        paths = result.statistics[bounds.levels[-1]].solved
+        known = SearchProgress("improving the motion", len(result.nodes), paths, result.cost, result.bound)
+        budget.on_progress(known)
     try:
-        with time_limit(budget.seconds - result.seconds):
+        with time_limit(budget.seconds - result.seconds), stopped_at_limit():
             better = bounds.improved(result.skeleton)
+    except TimeIsUp:
+        return replace(result, seconds=result.seconds + time.perf_counter() - begin)
     except KeyboardInterrupt:
         if not budget.keep_interrupted:
             raise
@@ -167,19 +198,21 @@ def plan_of(bounds: PathBounds, result: SearchResult) -> Plan:
     return replace(plan, audit=audit_plan(plan).summary()) if plan.feasible else plan
 
 
-def at_the_same_time(bounds: PathBounds, task: Task, plan: Plan) -> Plan:
+def at_the_same_time(bounds: PathBounds, task: Task, plan: Plan, seconds: float = math.inf) -> Plan:
     """Return a plan with concurrent actions, where its scene asks for them and it has none yet.
 
     Args:
         bounds: of the plan.
         plan: returned as it is after an interrupt (Ctrl-C).
+        seconds: wall-clock limit; what is solved then is dropped.
     """
     given = not plan.actions or len(plan.durations) < len(plan.actions) or plan.status == INTERRUPTED
     if given or not plan.scene.concurrent:
         return plan
     skeleton = parse_sequence(task, plan.actions)
     try:
-        return with_concurrent_actions(plan, skeleton, lambda actions: plan_within(bounds, task, actions))
+        with time_limit(seconds), stopped_at_limit():
+            return with_concurrent_actions(plan, skeleton, lambda actions: plan_within(bounds, task, actions))
     except KeyboardInterrupt:
         return replace(plan, status=INTERRUPTED)
 

@@ -8,13 +8,21 @@ from __future__ import annotations
 import copy
 import os
 import sys
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import rich.console
 import rich.containers
 import rich.measure
 import rich.text
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from reba.printable import joined, printable
@@ -130,22 +138,35 @@ def console(stderr: bool = False) -> Console:
     return Console(stderr=stderr, width=None if on_terminal or "COLUMNS" in os.environ else 160)
 
 
-class ProgressBar:
-    """A progress bar on standard error, where the name of what was done last stands before the bar."""
+class ProgressLine:
+    """A line on standard error that is rewritten, after the time since it began; it is gone at the end."""
 
-    def __init__(self, words: str, total: int) -> None:
+    def __init__(self, words: str, total: int | None = None) -> None:
         # The description of the default columns would be read as markup.
         name = TextColumn("{task.description}", style="progress.description", markup=False)
-        columns = (name, BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        self._progress = Progress(*columns, console=console(stderr=True), transient=True)
+        self._progress = Progress(*self._columns(name), console=console(stderr=True), transient=True)
         self._task = self._progress.add_task(words, total=total)
 
-    def __enter__(self) -> ProgressBar:
+    def _columns(self, name: ProgressColumn) -> tuple[ProgressColumn, ...]:
+        return TimeElapsedColumn(), name
+
+    def __enter__(self) -> Self:
         self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
+
+    def show(self, words: str) -> None:
+        """Show other words."""
+        self._progress.update(self._task, description=printable(words))
+
+
+class ProgressBar(ProgressLine):
+    """A progress bar on standard error, where the name of what was done last stands before the bar."""
+
+    def _columns(self, name: ProgressColumn) -> tuple[ProgressColumn, ...]:
+        return name, BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
 
     def advance(self, name: str) -> None:
         """Count one more, and show its name."""

@@ -69,11 +69,16 @@ class TomlTable:
         default: tuple[float, ...] | None = None,
         low: float = -LARGEST,
         high: float = LARGEST,
+        *,
+        one: bool = False,
     ) -> Any:
-        """Return n numbers from low to high as a tuple."""
+        """Return n numbers from low to high as a tuple; with `one`, a number alone stands for n of it."""
         value = self._value(key, default)
+        if one and isinstance(value, (int, float)):
+            value = (value,) * n
         if not isinstance(value, (list, tuple)) or len(value) != n:
-            raise self.error(f"{self.where}: {key} is {_text(value)}, expected {n} numbers")
+            expected = f"{n} numbers, or one for all" if one else f"{n} numbers"
+            raise self.error(f"{self.where}: {key} is {_text(value)}, expected {expected}")
         return tuple(self._number(key, part, low, high) for part in value)
 
     def series(self, key: str) -> tuple[float, ...]:

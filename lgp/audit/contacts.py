@@ -49,7 +49,7 @@ def _declared(run: Replay) -> Iterator[tuple[Span, float, float]]:
     for spans in run.spans.values():
         for span in spans:
             yield (span, np.inf, np.inf) if span.first in run.scene.hands else (span, TOUCH, TOUCH)
-    for span in (*run.holds, *run.touches):
+    for span in (*run.holds, *run.helps, *run.touches):
         yield span, np.inf, np.inf
     for span in run.assemblies:
         yield span, np.inf, TOUCH

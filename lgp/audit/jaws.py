@@ -78,7 +78,7 @@ def too_wide(run: Replay, model: AgentModel) -> Iterator[str]:
 
 
 def _has(run: Replay, hand: str) -> list[Span]:
-    return [span for spans in (*run.spans.values(), run.holds) for span in spans if span.first == hand]
+    return [span for spans in (*run.spans.values(), run.holds, run.helps) for span in spans if span.first == hand]
 
 
 def _share(run: Replay, jaws: _Jaws, span: Span, at: int) -> float:

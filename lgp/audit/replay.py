@@ -44,7 +44,8 @@ class Replay:
         poses: of each object.
         spans: of each object, the hands and tables that have it, in order.
         holds: hands that hold an object still.
-        touches: hands at an object that they do not have: at a screw, or a second one that carries it too.
+        helps: second hands that carry an object which another one has.
+        touches: hands at a screw of an object.
         assemblies: parts that stand as assembled.
         faults: what does not fit.
         unaudited: what it could not judge.
@@ -54,6 +55,7 @@ class Replay:
     poses: dict[str, Poses] = field(default_factory=dict)
     spans: dict[str, list[Span]] = field(default_factory=dict)
     holds: list[Span] = field(default_factory=list)
+    helps: list[Span] = field(default_factory=list)
     touches: list[Span] = field(default_factory=list)
     assemblies: list[Span] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
@@ -90,6 +92,7 @@ def replay(samples: Samples) -> Replay:
         _act(run, number, text, int(samples.switches[number]))
     _check_same_time(run)
     _check_holds(run)
+    _check_helps(run)
     _check_goal(run)
     return run
 
@@ -142,7 +145,7 @@ def _act(run: Replay, number: int, text: str, at: int) -> None:
         _fault(run, "attachment", f"{text}: {what}", amount, sample)
     if kind.attaches_to == "hand":
         if "second" in who:
-            run.touches.append(Span(who["second"], item_name, at, _next(run, who["second"], number)))
+            run.helps.append(Span(who["second"], item_name, at, _next(run, who["second"], number)))
         _take(run, item_name, hand, at)
     elif kind.attaches_to == "table":
         _put(run, text, item_name, who["table"], at)
@@ -254,16 +257,40 @@ def _check_same_time(run: Replay) -> None:
 def _check_holds(run: Replay) -> None:
     """Find hands that move while they hold an object still."""
     for hold in run.holds:
-        first, last = hold.begin or 0, run.samples.count - 1 if hold.end is None else hold.end
+        first, last = _ends(run, hold)
         turn, place = (values[first : last + 1] for values in run.samples.hands[hold.first])
-        moved = 1000.0 * np.linalg.norm(place - place[0], axis=1)
-        cosine = (np.einsum("tij,ij->t", turn, turn[0]) - 1.0) / 2.0
-        turned = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        for amount, most, word, unit in ((moved, 1000.0 * TOUCHING, "moves", "mm"), (turned, LEVEL, "turns", "deg")):
-            worst = int(amount.argmax())
-            if amount[worst] > most:
-                what = f"{hold.first} {word} {amount[worst]:.1f} {unit} while it holds {hold.second}"
-                _fault(run, "attachment", what, float(amount[worst]) / (1000.0 if unit == "mm" else 1.0), first + worst)
+        _check_still(run, (turn, place), f"{hold.first} {{}} while it holds {hold.second}", first)
+
+
+def _check_helps(run: Replay) -> None:
+    """Find grippers that do not go with an object which they carry together with another hand; a palm may turn."""
+    for span in run.helps:
+        if run.scene.hands[span.first].human:
+            continue
+        first, last = _ends(run, span)
+        turn, place = (values[first : last + 1] for values in run.samples.hands[span.first])
+        rotation, position = (values[first : last + 1] for values in run.poses[span.second])
+        own = np.einsum("tji,tjk->tik", rotation, turn), np.einsum("tji,tj->ti", rotation, place - position)
+        what = f"{span.first} {{}} in {span.second}, which it carries too: constrain its whole pose on the way"
+        _check_still(run, own, what, first)
+
+
+def _ends(run: Replay, span: Span) -> tuple[int, int]:
+    """Return the first and last sample of a span."""
+    return span.begin or 0, run.samples.count - 1 if span.end is None else span.end
+
+
+def _check_still(run: Replay, poses: Poses, what: str, first: int) -> None:
+    """Find where poses (T, ...) from a sample on move or turn away from the first of them."""
+    turn, place = poses
+    moved = 1000.0 * np.linalg.norm(place - place[0], axis=1)
+    cosine = (np.einsum("tij,ij->t", turn, turn[0]) - 1.0) / 2.0
+    turned = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    for amount, most, word, unit in ((moved, 1000.0 * TOUCHING, "moves", "mm"), (turned, LEVEL, "turns", "deg")):
+        worst = int(amount.argmax())
+        if amount[worst] > most:
+            said = what.format(f"{word} {amount[worst]:.1f} {unit}")
+            _fault(run, "attachment", said, float(amount[worst]) / (1000.0 if unit == "mm" else 1.0), first + worst)
 
 
 def _check_goal(run: Replay) -> None:

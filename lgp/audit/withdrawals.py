@@ -61,7 +61,9 @@ def _put_down(run: Replay, name: str, given: Span, after: Span) -> Iterator[Faul
     away = _distances(run, given.first, name)[first:last] >= BACK - TOUCHING
     back = first + (int(away.argmax()) if away.any() else len(away))
     still = {hold.first for hold in run.holds if (hold.begin or 0) <= first and (hold.end is None or hold.end > first)}
-    still |= {touch.first for touch in run.touches if touch.second == name and touch.end in (None, first)}
+    still |= {
+        touch.first for touch in (*run.touches, *run.helps) if touch.second == name and touch.end in (None, first)
+    }
     takes_next = next((span.first for span in run.spans[name] if span.begin == after.end), "")
     for hand, one in run.scene.hands.items():
         other = one.agent != run.scene.hands[given.first].agent or hand == takes_next

@@ -29,7 +29,7 @@ class StartPenetration:
 
 
 def start_penetrations(world: World, configuration: Array) -> tuple[StartPenetration, ...]:
-    """Return the bodies that are in each other at a configuration (nq,), the deepest first.
+    """Return the bodies that are in each other at a configuration (nq,), the deepest first, each pair once.
 
     Objects may touch what they rest on and the hand that has them.
 
@@ -45,12 +45,14 @@ def start_penetrations(world: World, configuration: Array) -> tuple[StartPenetra
     kinematics, z = world.at(configuration[None], collisions.frames), np.zeros(0)
     slices, pairs = collisions.near_pairs(kinematics, [0], z, 0.0, required)
     depths = -collisions.values(kinematics, [0], z, slices, pairs)
-    touching = []
+    touching: dict[frozenset[str], StartPenetration] = {}
     for pair, depth in zip(pairs.tolist(), depths.tolist(), strict=True):
         first, second = (collisions.shapes[side].name for side in collisions.pairs[pair])
-        if depth > TOUCH and not collisions.is_grip(collisions.pairs[pair]):
-            touching.append(StartPenetration(first, second, depth))
-    return tuple(sorted(touching, key=lambda one: -one.depth))
+        known = touching.get(frozenset((first, second)))
+        deeper = depth > (TOUCH if known is None else known.depth)
+        if deeper and not collisions.is_grip(collisions.pairs[pair]):
+            touching[frozenset((first, second))] = StartPenetration(first, second, depth)
+    return tuple(sorted(touching.values(), key=lambda one: -one.depth))
 
 
 def check_start(world: World, configuration: Array) -> None:

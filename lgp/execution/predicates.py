@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -27,8 +28,8 @@ class Predicate:
     def __str__(self) -> str:
         return str(self.atom) if self.wanted else f"not {self.atom}"
 
-    def check(self, view: TrackedWorld, nominal: bool) -> PredicateState:
-        """Return whether it holds; `nominal` is whether the atom does so in the plan."""
+    def check(self, view: TrackedWorld, nominal: AbstractSet[Atom]) -> PredicateState:
+        """Return whether it holds; `nominal` are the atoms that do so in the plan."""
         state = evaluate_predicate(view, self.atom, nominal)
         if self.wanted or state.holds is None:
             return PredicateState(state.holds, state.why or f"{self} does not hold")
@@ -51,7 +52,7 @@ def end_of(task: Task, action: Action) -> tuple[Predicate, ...]:
 def check(predicates: tuple[Predicate, ...], view: TrackedWorld, task: Task, state: int) -> dict[str, PredicateState]:
     """Return the state of each predicate, by its text; atoms without geometry hold as in the planned `state` (bits)."""
     nominal = set(task.holding(state))
-    return {str(one): one.check(view, one.atom in nominal) for one in predicates}
+    return {str(one): one.check(view, nominal) for one in predicates}
 
 
 def all_hold(states: dict[str, PredicateState]) -> bool:
@@ -92,10 +93,15 @@ def holding(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
     return state
 
 
-def grasped(view: TrackedWorld, hand: str, object_name: str) -> PredicateState:
-    """Return whether a hand has an object: it holds it, and no gripper still has what a person takes."""
+def grasped(
+    view: TrackedWorld, hand: str, object_name: str, nominal: AbstractSet[Atom] = frozenset()
+) -> PredicateState:
+    """Return whether a hand has an object: it holds it, and no gripper still has what a person takes.
+
+    A gripper that is free by the plan (`nominal`) has to have given it; another one may carry it with the person.
+    """
     state = holding(view, hand, object_name)
-    if state.holds and _human(view, hand) and _in_gripper(view, object_name):
+    if state.holds and _human(view, hand) and _in_gripper(view, object_name, nominal):
         return PredicateState(False, f"{object_name} is still in a gripper")
     return state
 
@@ -186,12 +192,15 @@ ACHIEVED = ("held", "holding", "screwed")
 """Predicates that only an action makes true: a hand may be where it would hold or screw without doing so."""
 
 
-def evaluate_predicate(view: TrackedWorld, atom: Atom, nominal: bool) -> PredicateState:
-    """Return whether an atom holds in the tracked world; `nominal` is whether it does so in the plan."""
+def evaluate_predicate(view: TrackedWorld, atom: Atom, nominal: AbstractSet[Atom]) -> PredicateState:
+    """Return whether an atom holds in the tracked world; `nominal` are those that do so in the plan."""
     known = RECOGNISERS.get(atom.predicate)
-    if known is None or (atom.predicate in ACHIEVED and not nominal):
-        return PredicateState(nominal, f"{atom} does not hold by the plan")
-    return free(view, atom.arguments[0], nominal) if known is free else known(view, *atom.arguments)
+    if known is None or (atom.predicate in ACHIEVED and atom not in nominal):
+        return PredicateState(atom in nominal, f"{atom} does not hold by the plan")
+    if known is grasped:
+        hand, object_name = atom.arguments
+        return grasped(view, hand, object_name, nominal)
+    return free(view, atom.arguments[0], atom in nominal) if known is free else known(view, *atom.arguments)
 
 
 def _unsure(view: TrackedWorld, object_name: str) -> str:
@@ -205,9 +214,10 @@ def _human(view: TrackedWorld, hand: str) -> bool:
     return view.world.scene.hands[hand].human
 
 
-def _in_gripper(view: TrackedWorld, object_name: str) -> bool:
-    """Return whether a closed gripper is at an object."""
-    return any(view.gap(hand, object_name) <= view.tolerances.reach for hand in view.now.closed)
+def _in_gripper(view: TrackedWorld, object_name: str, nominal: AbstractSet[Atom]) -> bool:
+    """Return whether a closed gripper is at an object that is free by the plan."""
+    given = [hand for hand in view.now.closed if Atom("free", (hand,)) in nominal]
+    return any(view.gap(hand, object_name) <= view.tolerances.reach for hand in given)
 
 
 def closed_grippers(scene: Scene, atoms: Iterable[Atom]) -> frozenset[str]:

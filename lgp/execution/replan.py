@@ -15,7 +15,7 @@ from lgp.execution.fixed_path import FixedPathBounds
 from lgp.logic.task import Action, Task
 from lgp.motion import Motion
 from lgp.plan_record import Plan
-from lgp.planner import at_the_same_time, parse_sequence, plan_within
+from lgp.planner import at_the_same_time, parse_sequence, plan_within, with_time_left
 from lgp.search.records import Budget
 from reba.arrays import Array
 
@@ -43,18 +43,18 @@ def replan_remaining(
     """
     if task.is_goal(task.initial):
         return plan_within(bounds, task, ())
-    remaining = len(motion.phases.actions) - number
+    remaining, limit = len(motion.phases.actions) - number, seconds
     first = remaining_actions(motion, task, number, bounds)
     continued = plan_within(bounds, task, first) if first else None
     if continued is not None and continued.feasible and not thorough:
         seconds = min(IMPROVEMENT_SECONDS, seconds)
     for extra in EXTRA_ACTIONS:
         budget = Budget(depth=max(remaining + extra, len(first)), seconds=seconds)
-        plan = plan_within(bounds, task, None, budget, first)
+        plan = plan_within(bounds, task, None, with_time_left(budget, bounds.world.scene), first)
         if plan.feasible or plan.status == "exhausted":
             break
     best = plan if plan.feasible or continued is None or not continued.feasible else continued
-    return at_the_same_time(bounds, task, best)
+    return at_the_same_time(bounds, task, best, max(0.0, limit - plan.search["seconds"]))
 
 
 def remaining_actions(motion: Motion, task: Task, number: int, bounds: FixedPathBounds) -> tuple[Action, ...]:

@@ -50,7 +50,7 @@ def atoms_now(view: TrackedWorld, task: Task, nominal: AbstractSet[Atom]) -> tup
     carriers = {name: carrier(view, name, nominal) for name in view.world.scene.objects}
     atoms = []
     for atom in task.atoms:
-        state = evaluate_predicate(view, atom, atom in nominal)
+        state = evaluate_predicate(view, atom, nominal)
         if state.holds is None or (atom.predicate in PERSISTENT and not state.holds):
             holds = atom in nominal
         elif atom.predicate == "grasped":
@@ -78,7 +78,10 @@ def carrier(view: TrackedWorld, object_name: str, nominal: AbstractSet[Atom]) ->
     has = {atom.arguments[0]: atom.arguments[1] for atom in nominal if atom.predicate == "grasped"}
     for hand in sorted(view.world.scene.hands, key=lambda one: has.get(one) != object_name):
         likely = not on_any_table or (hand in view.now.closed and not held)
-        if has.get(hand, object_name if likely else "") == object_name and grasped(view, hand, object_name).holds:
+        if (
+            has.get(hand, object_name if likely else "") == object_name
+            and grasped(view, hand, object_name, nominal).holds
+        ):
             return hand
     return ""
 

@@ -136,8 +136,10 @@ class CostTerms:
         self.weights = world.scene.cost.terms
         for name in self.weights:
             if name not in _registered:
-                known = did_you_mean(name, _registered) or "; register it with lgp.register_cost_term"
-                raise LgpError(f"{world.scene.name}: cost term {name!r} is not registered{known}")
+                raise LgpError(
+                    f"{world.scene.name}: cost term {name!r} is not registered{did_you_mean(name, _registered)}; "
+                    "register it with lgp.register_cost_term, or give its file with --extension"
+                )
         first = np.tile(world.initial_configuration, (2, 1))
         moved, asked = np.zeros(world.nq, dtype=bool), set[str]()
         for name in self.weights:

@@ -26,10 +26,12 @@ from lgp.scene.joint_units import JointUnit, unit_of
 from lgp.scene.model import SCENE, Agent, Human, Robot, Scene, Table
 from reba.arrays import Array, Indices
 from reba.checks import accepts
-from reba.errors import did_you_mean
+from reba.errors import did_you_mean, join_names
 from reba.posture.columns import SIDES
 
 AnyAgent = TypeVar("AnyAgent", bound=Agent)
+MOST_FRAMES = 8
+"""Frames of a robot that a message lists, the last ones of its URDF first."""
 ROUNDING = 1e-9
 """[rad, m] A value beyond a joint limit by less counts as at it."""
 
@@ -333,6 +335,7 @@ class World:
                     if frame.name.startswith(f"{hand.agent}.")
                 ]
                 hint = did_you_mean(hand.frame.removeprefix(f"{hand.agent}."), own)
+                hint = hint or f": {join_names(own[::-1], MOST_FRAMES)}"
                 raise WorldError(f"{full}: frame is {hand.frame!r}, expected a link or joint of {hand.agent}{hint}")
             base = self.model.frames[self.frame_id(f"{hand.agent}.{hand.frame}")]
             turn = pin.exp3(np.radians(hand.rotation))

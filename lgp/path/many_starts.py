@@ -19,6 +19,7 @@ from lgp.path.costs import eliminate_slices
 from lgp.path.ergonomics import PersonScore
 from lgp.path.hessian import MAX_VIOLATION, PENALTY, admissible_shares
 from lgp.path.problem import VARIABLE_CURVATURE, PathProblem
+from lgp.search.time_limit import stop_if_time_is_up
 from lgp.sqp.many import ManyModels, solve_many
 from reba.arrays import Array, Flags, Indices
 
@@ -173,6 +174,7 @@ class ManyStarts:
 
     def linearise(self, u: Array, y_eq: Array, y_in: Array) -> ManyModels:
         """Return the convex models at u (B, n)."""
+        stop_if_time_is_up()
         q, z = self._split(u)
         problem, constraints = self.problem, self.problem.constraints
         values = constraints.evaluate_many(q, z)

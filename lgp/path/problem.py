@@ -30,6 +30,7 @@ from lgp.path.costs import (
 from lgp.path.ergonomics import Ergonomics
 from lgp.path.hessian import Convexity, UpperBlocks
 from lgp.path.phases import Phases
+from lgp.search.time_limit import stop_if_time_is_up
 from lgp.sqp.problem import Model
 from reba.arrays import Array, Indices
 
@@ -162,6 +163,7 @@ class PathProblem:
 
     def linearise(self, x: Array, y_eq: Array, y_in: Array) -> Model:
         """Return the convex model at x, in cost units: Gauss-Newton cost, convexified curvature of the switches."""
+        stop_if_time_is_up()
         q, z = self.split(x)
         values = self._values(x)
         eq_jac, in_jac = self.constraints.jacobians(values, q, z)

@@ -37,7 +37,7 @@ def read_obstacle(name: str, entries: TomlTable) -> Obstacle:
         size = (2.0 * radius, 2.0 * radius, length)
     else:
         file = entries.text("mesh")
-        size = entries.vector("scale", 3, (1.0, 1.0, 1.0), 1e-6, 1e6)
+        size = entries.vector("scale", 3, (1.0, 1.0, 1.0), 1e-6, 1e6, one=True)
         if not file.lower().endswith(ENDINGS) or not os.path.isfile(file):
             what = "a file" if os.path.isfile(file) else "a file that is there"
             raise SceneError(f"{entries.where}: mesh is {file!r}, expected the path of {what}, {', '.join(ENDINGS)}")

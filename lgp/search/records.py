@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
@@ -91,6 +91,34 @@ class SearchStatus(Enum):
 
 
 @dataclass(frozen=True)
+class SearchProgress:
+    """What a search has found so far.
+
+    Attributes:
+        step: what is being done, such as "searching".
+        sequences: number of sequences looked at, incomplete ones among them; `paths` of paths solved.
+        cost: of the best path, inf without one.
+        bound: lower bound on the cost of any path within the depth.
+    """
+
+    step: str
+    sequences: int
+    paths: int
+    cost: float
+    bound: float
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between cost and bound, inf without a path."""
+        return relative_gap(self.cost, self.bound)
+
+
+def relative_gap(cost: float, bound: float) -> float:
+    """Return by which share a cost may be above the optimum; 0 where it is proved to be that, inf without a cost."""
+    return math.inf if math.isinf(cost) else max(0.0, cost - bound) / max(abs(cost), 1e-12)
+
+
+@dataclass(frozen=True)
 class Budget:
     """Limits of a search.
 
@@ -99,12 +127,14 @@ class Budget:
         calls: level -> maximum number of problems solved; other levels are not limited.
         seconds: wall-clock time [s]; a search that ends by it is not repeatable.
         keep_interrupted: an interrupt (Ctrl-C) ends the search with the best plan so far; otherwise it is raised.
+        on_progress: called with what is known so far, a few times a second between problems.
     """
 
     depth: int = 6
     calls: Mapping[str, int] = field(default_factory=dict)
     seconds: float = math.inf
     keep_interrupted: bool = False
+    on_progress: Callable[[SearchProgress], None] | None = None
 
 
 @dataclass
@@ -196,6 +226,4 @@ class SearchResult:
     @property
     def gap(self) -> float:
         """Relative gap between cost and bound; 0 where the plan is proved optimal, inf without a plan."""
-        if math.isinf(self.cost):
-            return math.inf
-        return max(0.0, self.cost - self.bound) / max(abs(self.cost), 1e-12)
+        return relative_gap(self.cost, self.bound)

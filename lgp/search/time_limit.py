@@ -1,4 +1,8 @@
-"""The time limit of a search, which problems that improve a known solution ask for while they are solved."""
+"""The time limit of a search, which problems ask for while they are solved.
+
+What only improves a known plan is stopped at the limit, in the middle of a solve; without a plan the path that is being
+solved is finished.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +13,31 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 _END: ContextVar[float] = ContextVar("_END", default=math.inf)
+_STOP: ContextVar[float] = ContextVar("_STOP", default=math.inf)
+
+
+class TimeIsUp(Exception):
+    """The time of a problem whose solution is not needed is up."""
 
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Limit the wall-clock time [s] of what is solved in here."""
-    token = _END.set(time.perf_counter() + seconds)
+    """Limit the wall-clock time [s] of what is solved in here; a limit outside of it that ends earlier stays."""
+    token = _END.set(min(_END.get(), time.perf_counter() + seconds))
     try:
         yield
     finally:
         _END.reset(token)
+
+
+@contextmanager
+def stopped_at_limit() -> Iterator[None]:
+    """Let `stop_if_time_is_up` stop what is solved in here once the time limit is reached."""
+    token = _STOP.set(_END.get())
+    try:
+        yield
+    finally:
+        _STOP.reset(token)
 
 
 def time_is_up() -> bool:
@@ -32,3 +51,13 @@ def time_is_up() -> bool:
         False
     """
     return time.perf_counter() >= _END.get()
+
+
+def stop_if_time_is_up() -> None:
+    """Stop a solve that `stopped_at_limit` surrounds at its time limit; every iteration of a path asks here.
+
+    Raises:
+        TimeIsUp: the limit is reached.
+    """
+    if time.perf_counter() >= _STOP.get():
+        raise TimeIsUp

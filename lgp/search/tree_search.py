@@ -22,19 +22,32 @@ import math
 import re
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext, suppress
 
 from lgp.logic.heuristic import relaxed_plan, why_unreachable
 from lgp.logic.impossible import exclusive_goals, fewest_actions
 from lgp.logic.task import Task
 from lgp.search.order import OpenNodes
 from lgp.search.reasons import in_short, why_cut_short
-from lgp.search.records import BoundResult, Bounds, Budget, LevelStatistics, Node, SearchResult, SearchStatus, Skeleton
-from lgp.search.time_limit import time_is_up, time_limit
+from lgp.search.records import (
+    BoundResult,
+    Bounds,
+    Budget,
+    LevelStatistics,
+    Node,
+    SearchProgress,
+    SearchResult,
+    SearchStatus,
+    Skeleton,
+)
+from lgp.search.time_limit import TimeIsUp, stopped_at_limit, time_is_up, time_limit
 
 PATIENCE = 100
 """Nodes extended until a search without a plan goes depth first."""
 PHASE = re.compile(r"phase \d+, (\w+)\(\d+, ")
 """The number of a phase in a reason."""
+REPORT_EVERY = 0.2
+"""[s] Least time between two reports of the progress."""
 BOUND_EVERY = 4
 """Of so many steps one raises the lowest bound, once there is a plan."""
 
@@ -71,6 +84,7 @@ class _Search:
         self.expanded = self.pruned = self.steps = 0
         self.blocked = self.cut_short = False
         self.start = time.perf_counter()
+        self.reported = -math.inf
 
     def run(self) -> SearchResult:
         impossible = _why_impossible(self.task)
@@ -83,8 +97,10 @@ class _Search:
         self._extend(self.nodes[0])
         try:
             with time_limit(self.budget.seconds):
-                while not time_is_up() and (self.open or self._reopen() or self.postponed):
-                    self._step()
+                with suppress(TimeIsUp):
+                    while not time_is_up() and (self.open or self._reopen() or self.postponed):
+                        self._report()
+                        self._step()
                 # What was cut short at the last problem proves nothing either.
                 self.cut_short = time_is_up()
         except KeyboardInterrupt:
@@ -92,6 +108,16 @@ class _Search:
                 raise
             return self._result(SearchStatus.INTERRUPTED, self._open_bound(), "interrupted")
         return self._finish()
+
+    def _report(self) -> None:
+        """Tell the progress where that is asked for, no more often than is read: its bound is over all nodes."""
+        now = time.perf_counter()
+        if self.budget.on_progress is None or now - self.reported < REPORT_EVERY:
+            return
+        self.reported = now
+        paths = self.statistics[self.bounds.levels[-1]].solved
+        known = SearchProgress("searching", len(self.nodes), paths, self._best_cost(), self._open_bound())
+        self.budget.on_progress(known)
 
     def _finish(self) -> SearchResult:
         if self.incumbent is not None:
@@ -266,8 +292,9 @@ class _Search:
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
         more = {"thorough": True} if thorough else {}
         try:
-            result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
-        except KeyboardInterrupt:
+            with nullcontext() if self.incumbent is None else stopped_at_limit():
+                result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
+        except (KeyboardInterrupt, TimeIsUp):
             self.open.push(node)  # its bound is part of what is still open
             raise
         self.statistics[name] = self.statistics[name].plus(result, time.perf_counter() - start)

@@ -17,9 +17,12 @@ from lgp.concurrency import with_concurrent_actions
 from lgp.console import show_plan
 from lgp.errors import LgpError
 from lgp.execution.retarget import Planner
-from lgp.planner import parse_sequence, task_of
+from lgp.kinematics.world import World
+from lgp.path.bounds import PathBounds
+from lgp.planner import at_the_same_time, parse_sequence, plan_within, task_of, with_time_left
 from lgp.scene.scene_file import read_scene
-from lgp.search.records import Skeleton
+from lgp.search.records import Budget, Skeleton
+from lgp.search.time_limit import TimeIsUp
 from reba.terminal import Console
 from tests.support.paths import ROOT
 from tests.support.says import says
@@ -104,6 +107,29 @@ def test_what_is_not_better_is_not_kept(both: lgp.Plan, change: dict[str, Any]) 
     # All at once, then the first action of the second robot alone; its next one is the last without it.
     phases = [[action.together for action in actions] for actions in asked]
     assert phases == [[False, True, False, True], [False, True, False, False]]
+
+
+def test_what_time_leaves_no_room_for_is_dropped(both: lgp.Plan) -> None:
+    skeleton = parse_sequence(task_of(both.scene), [*LEFT, *RIGHT])
+    alone = replace(both, actions=ALONE, time=2.0 * both.time, status="given", concurrent={})
+
+    def late(actions: Skeleton) -> lgp.Plan:
+        raise TimeIsUp
+
+    plan = with_concurrent_actions(alone, skeleton, late)
+    assert plan.actions == ALONE
+    assert plan.concurrent["reason"] == "the time limit was reached, allow more"
+    assert (plan.concurrent["kept"], plan.concurrent["at_the_same_time"]) == (False, None)
+
+
+def test_a_search_leaves_time_for_concurrent_actions(both: lgp.Plan) -> None:
+    limit = Budget(seconds=10.0)
+    assert with_time_left(limit, both.scene).seconds == pytest.approx(6.0)
+    assert with_time_left(limit, replace(both.scene, concurrent=False)) == limit
+    task, bounds = task_of(both.scene), PathBounds(World(both.scene), collisions=False)
+    alone = plan_within(bounds, task, parse_sequence(task, [*LEFT, *RIGHT]))
+    bounds.forget_paths()
+    assert at_the_same_time(bounds, task, alone, 0.0).concurrent["reason"].endswith("allow more")
 
 
 def test_a_sequence_without_independent_actions_says_so(both: lgp.Plan) -> None:

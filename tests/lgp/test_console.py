@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import io
+import math
+import re
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 import lgp
-from lgp.console import show_plan
+from lgp.console import show_plan, shown_progress
 from lgp.plan_record import Plan
 from lgp.scene.scene_file import read_scene
+from lgp.search.records import SearchProgress
 from reba.terminal import Console
 from tests.support.gantry import PUT, TABLES, carried
 from tests.support.lgp_worlds import HUMAN_ONLY
@@ -33,6 +37,27 @@ def test_a_clean_plan(tmp_path: Path) -> None:
     lines = shown(carried(tmp_path))
     assert any(line.endswith("; constraints are satisfied within 1.0e-08 m and 1.0e-08 rad") for line in lines)
     assert "audit: nothing deeper than 1 mm in 201 samples, at most 42 % of joint speed limits" in lines
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_shows_what_a_search_knows_in_one_line(terminal: bool) -> None:
+    out = io.StringIO()
+    with mock.patch("sys.stderr", out), mock.patch.object(out, "isatty", return_value=terminal):
+        with shown_progress() as on_progress:
+            plan = lgp.plan(read_scene(HUMAN_ONLY), cost=None, collisions=False, on_progress=on_progress)
+            if on_progress is not None:
+                on_progress(SearchProgress("searching", 77, 2, 11.274, 2.15))
+        assert plan.feasible
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", out.getvalue())
+    assert ("searching: 77 sequences, 2 paths; cost 11.27, bound 2.15, gap 81 %" in text) == terminal
+    assert terminal or not text
+
+
+def test_the_progress_is_of_the_search_and_of_what_follows() -> None:
+    known: list[SearchProgress] = []
+    plan = lgp.plan(read_scene(HUMAN_ONLY), cost=None, collisions=False, on_progress=known.append)
+    assert (known[0].step, known[0].paths, known[0].gap) == ("searching", 0, math.inf)
+    assert (known[-1].step, known[-1].cost) == ("improving the motion", pytest.approx(plan.costs["total"]))
 
 
 def test_a_plan_with_faults(tmp_path: Path) -> None:

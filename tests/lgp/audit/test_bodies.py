@@ -89,6 +89,13 @@ def test_a_hand_is_not_named_as_a_link_elsewhere(hand: dict[str, Any], tmp_path:
     says(error, "arm.tcp", "is a link or joint of arm elsewhere", "another name")
 
 
+@pytest.mark.parametrize(("frame", "hint"), [("tcpp", "did you mean 'tcp'"), ("wrong", "tcp, tcp_joint")])
+def test_a_frame_that_is_not_there_is_answered_by_those_that_are(frame: str, hint: str, tmp_path: Path) -> None:
+    with pytest.raises(WorldError) as error:
+        arm_world(tmp_path, hands={"hand": {"frame": frame}})
+    says(error, f"arm.hand: frame is {frame!r}, expected a link or joint of arm", hint)
+
+
 @pytest.mark.parametrize("locked", [[], ["l5", "fl"], ["*"]])
 def test_links_may_have_the_names_of_joints(locked: list[str], tmp_path: Path) -> None:
     named = {"lift": "l0", "pan": "l1", "shoulder": "l2", "elbow": "l3", "level": "l4", "wrist": "l5", "f1": "fl"}

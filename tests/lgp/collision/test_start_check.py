@@ -12,8 +12,8 @@ from lgp.collision.start_check import check_start, start_penetrations
 from lgp.errors import WorldError
 from lgp.kinematics.world import World
 from lgp.scene.model import Scene
-from lgp.scene.scene_file import load_scene
-from tests.support.lgp_worlds import human_world, needs_robots
+from lgp.scene.scene_file import load_scene, read_scene
+from tests.support.lgp_worlds import HUMAN_ONLY, human_world, needs_robots
 from tests.support.says import says
 
 
@@ -33,6 +33,18 @@ def test_the_pairs_are_named_the_deepest_first_and_refused() -> None:
     with pytest.raises(WorldError) as error:
         check_start(world, world.initial_configuration)
     says(error, "at the start", "mm inside", "accept the start")
+
+
+def test_a_pair_is_named_once() -> None:
+    """A palm and a table edge that cross have several points at which they are in each other."""
+    person = {"stature": 1.6, "sex": "female", "hands": ["right_hand"]}
+    table = {"position": [0.5, 0.0], "size": [0.35, 0.5], "height": 0.95}
+    world = World(read_scene(HUMAN_ONLY | {"human": person, "tables": {"near": table}}))
+    pairs = start_penetrations(world, world.initial_configuration)
+    assert {frozenset((one.first, one.second)) for one in pairs} == {
+        frozenset((f"human.{side}_palm", "table.near")) for side in ("left", "right")
+    }
+    assert len(pairs) == 2
 
 
 def blocked() -> Scene:

@@ -32,7 +32,7 @@ def test_a_moved_object_moves_one_motion_and_the_rest_goes_on(folder: Path) -> N
 
 
 def test_an_object_put_out_of_reach_makes_a_new_plan(folder: Path) -> None:
-    summary, events = went(folder, "away@3", settings=QUICK)
+    summary, events = went(folder, "away@3", settings=Settings(search=600.0))
     assert summary["state"] == "finished"
     assert summary["replanned"] == 1
     assert [event.plan for event in events if event.kind in ("told", "started")] == [0, 0, 0, 1, 1, 1]

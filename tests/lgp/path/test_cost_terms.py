@@ -143,6 +143,13 @@ def test_wrong_terms_are_told_in_one_line(tmp_path: Path, term: Any, facts: tupl
     says(error, *facts)
 
 
+@pytest.mark.parametrize(("name", "hint"), [("strait", "did you mean 'straight'"), ("heavy", "is not registered; ")])
+def test_a_term_that_is_not_registered_says_how(tmp_path: Path, name: str, hint: str) -> None:
+    with pytest.raises(lgp.LgpError) as error:
+        problem_of(scene(tmp_path, {name: 1.0}))
+    says(error, repr(name), hint, "lgp.register_cost_term, or give its file with --extension")
+
+
 def test_names_of_terms(tmp_path: Path) -> None:
     with pytest.raises(lgp.LgpError) as error:
         lgp.register_cost_term("two words", lambda at: squares(at.joint("x")))

@@ -70,6 +70,17 @@ def test_wrong_obstacles_are_refused(tmp_path: Path, entry: dict[str, Any], fact
     says(error, *facts)
 
 
+@pytest.mark.parametrize(("scale", "sides"), [(0.001, (0.001,) * 3), (2, (2.0,) * 3), ([1, 2, 3], (1.0, 2.0, 3.0))])
+def test_a_mesh_is_scaled_by_one_number_or_by_one_for_each_axis(tmp_path: Path, scale: Any, sides: Any) -> None:
+    (tmp_path / "part.stl").write_bytes(STL)
+    part = {"mesh": str(tmp_path / "part.stl"), "position": [0, 0, 0], "scale": scale}
+    assert scene_of(tmp_path, obstacles={"part": part}).obstacles["obstacle.part"].size == sides
+    for wrong, fact in (("mm", "3 numbers, or one for all"), (0, "expected 1e-06"), (True, "finite number")):
+        with pytest.raises(SceneError) as error:
+            scene_of(tmp_path, obstacles={"part": part | {"scale": wrong}})
+        says(error, "obstacles.part: scale", fact)
+
+
 @pytest.mark.parametrize("name", ["pillar", "obstacle.pillar"])
 def test_no_action_names_an_obstacle(tmp_path: Path, name: str) -> None:
     with pytest.raises(SceneError) as error:

@@ -6,21 +6,67 @@ import time
 
 import pytest
 
+from lgp.kinematics.world import World
+from lgp.path.bounds import PathBounds
+from lgp.planner import follow, parse_sequence, task_of
+from lgp.scene.scene_file import read_scene
 from lgp.search.records import BoundResult, Budget, SearchStatus, Skeleton
-from lgp.search.time_limit import time_is_up, time_limit
+from lgp.search.time_limit import TimeIsUp, stop_if_time_is_up, stopped_at_limit, time_is_up, time_limit
 from lgp.search.tree_search import search
 from tests.lgp.search.test_tree_search import task
+from tests.support.lgp_worlds import HUMAN_ONLY
 from tests.support.random_bounds import RandomBounds
 from tests.support.says import says
 
 
-def test_limits_end_with_their_block_and_the_inner_one_counts() -> None:
+def test_limits_end_with_their_block_and_the_earliest_one_counts() -> None:
     assert not time_is_up()
     with time_limit(1e9):
         with time_limit(0.0):
             assert time_is_up()
+            with time_limit(1e9):
+                assert time_is_up()
         assert not time_is_up()
     assert not time_is_up()
+
+
+def test_only_what_is_not_needed_is_stopped_in_the_middle() -> None:
+    with time_limit(0.0):
+        stop_if_time_is_up()
+        with stopped_at_limit(), pytest.raises(TimeIsUp):
+            stop_if_time_is_up()
+        stop_if_time_is_up()
+
+
+def test_with_a_plan_a_search_stops_in_the_middle_of_a_problem() -> None:
+    class Endless(RandomBounds):
+        """Solves one path; the next problem has no end."""
+
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = float("inf")
+        ) -> BoundResult:
+            while done:
+                time.sleep(0.01)
+                stop_if_time_is_up()
+            result = super().solve(level, skeleton, warm, limit)
+            done.extend([level] if level == "path" else [])
+            return result
+
+    done: list[str] = []
+    result = search(task(), Endless(5, 0.0), Budget(depth=5, seconds=0.3))
+    assert result.status is SearchStatus.GAP
+    assert result.skeleton
+    assert result.bound < result.cost
+    assert result.seconds < 10.0
+
+
+def test_paths_ask_for_the_limit_in_every_iteration() -> None:
+    scene = read_scene(HUMAN_ONLY)
+    bounds = PathBounds(World(scene), collisions=False)
+    skeleton = parse_sequence(task_of(scene), ["grasp(human.right_hand, box)"])
+    with time_limit(0.0), stopped_at_limit(), pytest.raises(TimeIsUp):
+        follow(bounds, skeleton)
+    assert follow(bounds, skeleton).payload is not None, "nothing is kept of what was stopped"
 
 
 def test_problems_know_the_limit_of_the_search_that_asks_them() -> None:
