@@ -104,8 +104,19 @@ class Stage {
     this.scene.add(this.key, this.key.target, fill);
     const floor = new THREE.Mesh(
       new THREE.CircleGeometry(0.85 * size, 72),
-      new THREE.MeshLambertMaterial({ color: linear(0xdf, 0xe4, 0xe8), alphaMap: fade(), transparent: true }),
+      new THREE.MeshLambertMaterial({ alphaMap: fade(), transparent: true }),
     );
+    // As light or as dark as the page, also when that changes.
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    const tint = () => {
+      const colour = getComputedStyle(document.documentElement).getPropertyValue("--floor").trim();
+      floor.material.color.set(colour).convertSRGBToLinear();
+    };
+    tint();
+    dark.addEventListener("change", () => {
+      tint();
+      this.draw();
+    });
     floor.position.set(middle.x, middle.y, -0.004);
     floor.receiveShadow = true;
     this.scene.add(floor);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import json
 import queue
 import threading
@@ -13,11 +14,22 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import lgp
 from lgp.scene.scene_file import read_scene
-from tests.support.browser import chromium, complaints, needs_browser, pages_on_paper, resize, until
+from tests.support.browser import (
+    chromium,
+    complaints,
+    needs_browser,
+    pages_on_paper,
+    preferring,
+    resize,
+    until,
+    weak_texts,
+)
 from tests.support.lgp_worlds import HUMAN_ONLY
 
 PACKAGES = all(importlib.util.find_spec(name) for name in ("pyvista", "trimesh", "collada"))
@@ -99,6 +111,21 @@ def test_every_slide_offline_at_desk_and_phone(browser: Any, page: Path, width: 
     addresses = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
     assert all(address.startswith("file:") for address in addresses)
     assert complaints(browser) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_slides_are_as_dark_as_the_reader_wants(browser: Any, page: Path, scheme: str) -> None:
+    with preferring(browser, scheme):
+        show(browser, page.as_uri(), 1280, 800)
+        weak = []
+        for number in range(len(ACTIONS) + 2):
+            browser.execute_script("Reveal.slide(arguments[0])", number)
+            weak += weak_texts(browser)
+        picture = Image.open(io.BytesIO(browser.get_screenshot_as_png())).convert("L")
+    light = np.asarray(picture) / 255.0
+    assert weak == []
+    assert (np.median(light[:80]) < 0.3) == (np.median(light[-80:]) < 0.3) == (scheme == "dark")  # words and bar
+    assert (np.median(light[500:690, 640:]) < 0.5) == (scheme == "dark")  # floor
 
 
 def test_keys_lead_through_the_plan(browser: Any, page: Path) -> None:

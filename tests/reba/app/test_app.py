@@ -22,7 +22,7 @@ from reba.app.server import AppServer
 from reba.errors import RebaError
 from reba.loopback import MAX_CONNECTIONS
 from tests.reba.readers.test_whole_recording import JOINTS, state, write
-from tests.support.browser import chromium, needs_browser, resize, until, visible
+from tests.support.browser import chromium, needs_browser, preferring, resize, until, visible, weak_texts
 from tests.support.paths import ROOT
 from tests.support.says import says
 
@@ -302,6 +302,9 @@ def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
         assert len(browser.find_elements("css selector", ".recording")) == 1
         refused = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
         assert ["status of 400" in entry["message"] for entry in refused] == [True]
+        for scheme in ("light", "dark"):
+            with preferring(browser, scheme):
+                assert weak_texts(browser) == []
         link = browser.find_element("link text", "Open the report").get_attribute("href")
         browser.get(link)
         assert "REBA" in browser.title

@@ -19,7 +19,17 @@ from reba.printable import WITH_UNIT, joined
 from reba.report import write_report
 from reba.report.what_if import what_if
 from reba.scores import Scores
-from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
+from tests.support.browser import (
+    complaints,
+    needs_browser,
+    pages_on_paper,
+    preferring,
+    resize,
+    too_wide,
+    until,
+    visible,
+    weak_texts,
+)
 
 pytestmark = [pytest.mark.slow, needs_browser]
 
@@ -316,44 +326,12 @@ def test_prints_as_pages(browser: Any, report: Path) -> None:
     assert 4 <= pages_on_paper(browser) <= 30
 
 
-CONTRASTS = """
-const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, share, k) => {
-  const v = rgb[k] / 255;
-  return sum + share * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
-}, 0);
-const parse = (text) => text.match(/[\\d.]+/g).map(Number);
-const ground = (element) => {
-  for (let one = element; one; one = one.parentElement) {
-    const style = getComputedStyle(one), color = parse(style.backgroundColor);
-    if (style.backgroundImage !== "none") return null;
-    if (color.length < 4 || color[3] > 0.5) return color;
-  }
-  return [255, 255, 255];
-};
-const weak = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-while (walk.nextNode()) {
-  const element = walk.currentNode.parentElement, text = walk.currentNode.textContent.trim();
-  if (!text || !element.getClientRects().length || element.closest("script, .badge, text.number")) continue;
-  const drawing = element.closest("svg"), style = getComputedStyle(element), behind = ground(drawing || element);
-  if (!behind) continue;
-  const [a, b] = [light(parse(drawing ? style.fill : style.color)), light(behind)];
-  const size = parseFloat(style.fontSize), large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
-  const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-  if (ratio < (large ? 3 : 4.5)) weak.push(`${text.slice(0, 30)}: ${ratio.toFixed(2)}`);
-}
-return weak;
-"""
-"""Texts that stand out too little from what is behind them (WCAG 2.2, 1.4.3, level AA)."""
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_stands_out(browser: Any, report: Path, scheme: str) -> None:
-    features = [{"name": "prefers-color-scheme", "value": scheme}]
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-    show(browser, report, 1280)
-    weak = browser.execute_script(CONTRASTS)
-    dark = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    with preferring(browser, scheme):
+        show(browser, report, 1280)
+        weak = weak_texts(browser)
+        dark = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
     assert weak == []
     assert (dark == "rgb(20, 24, 30)") == (scheme == "dark")
 
