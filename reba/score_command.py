@@ -102,10 +102,10 @@ def _counts(run: DatasetRun) -> str:
     reasons = ", ".join(
         f"{number} {'new' if reason == NEW else f'again: {reason}'}" for reason, number in run.scored.items()
     )
-    parts = [f"{run.scored.total()} scored" + (f" ({reasons})" if reasons else "")]
-    parts += [f"{run.unchanged} unchanged"] if run.unchanged else []
-    parts += [f"{run.failed} of them failed"] if run.failed else []
-    return ", ".join(parts)
+    parts = [f"{run.scored.total() - run.failed} scored"]
+    parts += [f"{run.failed} failed"] if run.failed else []
+    done = ", ".join(parts) + (f" ({reasons})" if reasons else "")
+    return done + (f", {run.unchanged} unchanged" if run.unchanged else "")
 
 
 def _raise_single_failure(results: Sequence[RecordingResult], failed: int) -> None:

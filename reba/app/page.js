@@ -215,7 +215,7 @@ find("#compare").addEventListener("click", async () => {
     links.append(saved(id, "comparison"));
     place.replaceChildren(
       ...["Before", "After"].map((when, number) => verdict(`${when}, ${verdicts[number][0]}`, verdicts[number][1])),
-      table(["", "Before", "After", "Change"], rows),
+      table(["", "Before", "After", "Difference"], rows),
       ...notes.map((note) => element("p", note)),
       links,
     );

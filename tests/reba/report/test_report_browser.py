@@ -240,6 +240,36 @@ def test_nothing_is_cut_or_leaves_its_frame(browser: Any, tmp_path: Path) -> Non
         assert ("local" in browser.execute_script(shadows)) == (width < 700), "what goes on behind an edge has a shadow"
 
 
+def test_numbers_of_worst_intervals_are_whole_where_they_crowd(browser: Any, tmp_path: Path) -> None:
+    def at(*peaks: float, seconds: float) -> Scores:
+        time = np.arange(0, seconds, 0.04)
+        trunk = np.where(np.min([np.abs(time - peak) for peak in peaks], axis=0) < 0.3, 80.0, 5.0)
+        return reba.score(pd.DataFrame({"time": time, "trunk_flexion": trunk}), load=12.0)
+
+    path = tmp_path / "crowded.html"
+    write_report([at(0.1, 2.0, seconds=3.0), at(55.0, 57.5, 59.9, seconds=60.0)], path)
+    resize(browser, 390)
+    browser.get("about:blank")
+    noting = """addEventListener('DOMContentLoaded', () => {
+        const pens = CanvasRenderingContext2D.prototype, { rect, fillRect } = pens;
+        window.numbers = [];
+        pens.rect = function (...box) { this.frame = box; rect.apply(this, box); };
+        pens.fillRect = function (...box) {
+          if (box[2] === 16 && box[3] === 16) numbers.push([box[0], this.frame[0], this.frame[0] + this.frame[2]]);
+          fillRect.apply(this, box);
+        };
+      })"""
+    script = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": noting})
+    try:
+        show(browser, path, 390)
+        readout(browser)
+        numbers = browser.execute_script("return numbers")
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+    assert len(numbers) >= 5
+    assert all(left <= number and number + 16 <= right for number, left, right in numbers)
+
+
 def test_a_number_stays_with_its_unit(browser: Any, report: Path) -> None:
     show(browser, report, 390)
     readout(browser)
