@@ -191,7 +191,7 @@ class Stop(Exception):
         self.code = code
 
 
-def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
+def echo(text: str, err: bool = False, nl: bool = True, keep: str = "", data: bool = False) -> None:
     r"""Print a text with its hidden characters as escape codes, except those to `keep`; every line passes here.
 
     A message on a terminal ends its lines between words; in a pipe or a file it is one line.
@@ -200,9 +200,11 @@ def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
         err: on standard error.
         nl: end the line.
         keep: such as "\n" for a text of several lines.
+        data: for programs, so one line on a terminal, too.
     """
     shown = printable(text, keep)
-    if err and not keep and sys.stderr is not None and sys.stderr.isatty():
+    stream = sys.stderr if err else sys.stdout
+    if not keep and not data and stream is not None and stream.isatty():
         shown = _in_lines(shown, shutil.get_terminal_size().columns)
     click.echo(shown, err=err, nl=nl)
 
@@ -224,7 +226,7 @@ def _in_lines(text: str, width: int) -> str:
 
 def print_json(result: Any) -> None:
     """Print one JSON object on standard output, with its provenance."""
-    echo(as_json(with_provenance(result), non_finite="refuse"))
+    echo(as_json(with_provenance(result), non_finite="refuse"), data=True)
 
 
 def command_line(name: str) -> str:

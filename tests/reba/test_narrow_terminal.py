@@ -15,7 +15,7 @@ import dreba.cli
 import lgp.cli
 import reba
 import reba.cli
-from reba.command_line import run
+from reba.command_line import echo, print_json, run
 from reba.terminal import Console, Text
 from tests.support.paths import DATASETS
 
@@ -131,3 +131,26 @@ def test_a_table_without_room_is_printed_row_by_row() -> None:
         "of /a/very/long/path/that/is/no/word", "name some name of many words", "two lines 123456.789",
         "third incomprehensibilities", "", "name b", "third 1", "",
     ]  # fmt: skip
+
+
+class Screen(io.StringIO):
+    """A terminal that keeps what is printed on it."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("err", [False, True])
+def test_messages_end_their_lines_between_words_and_data_does_not(monkeypatch: pytest.MonkeyPatch, err: bool) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    out, errors = Screen(), Screen()
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(sys, "stderr", errors)
+    echo("results are in plan/page: report.html, summary.json, runs.parquet and paths.parquet", err=err)
+    lines = (errors if err else out).getvalue().splitlines()
+    assert len(lines) == 3
+    assert all(len(line) <= 40 for line in lines)
+    assert "summary.json" in lines[1]
+    out.truncate(out.seek(0))
+    print_json({"text": "as long as this one is, more than forty columns"})
+    assert len(out.getvalue().splitlines()) == 1
