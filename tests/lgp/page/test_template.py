@@ -280,6 +280,13 @@ def test_it_follows_a_run_and_comes_back_after_a_drop(browser: Any, serve: Calla
     banner(browser, "Waiting for you")
     assert state(browser)[0] == 3
     assert shown_instruction(browser)
+    resize(browser, 390, 800)  # a phone that is turned: the words of the banner take more lines
+    until(
+        browser,
+        """document.querySelector(".banner").getBoundingClientRect().bottom
+        <= Reveal.getCurrentSlide().getBoundingClientRect().top + 0.5""",
+    )
+    resize(browser, 900, 700)
     stopped = {"action": 0, "state": "waiting", "text": "Please wait. The box was moved.", "time": 2.2, "wait": True}
     events.put(stopped)
     banner(browser, "Please waitThe box was moved")

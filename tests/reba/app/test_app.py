@@ -307,5 +307,5 @@ def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
                 assert weak_texts(browser) == []
         link = browser.find_element("link text", "Open the report").get_attribute("href")
         browser.get(link)
-        assert "REBA" in browser.title
+        until(browser, "document.title.includes('REBA')")
         assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
