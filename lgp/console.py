@@ -88,7 +88,7 @@ def show_audit(console: Console, audit: dict[str, Any]) -> None:
     """Print what the audit of a plan found: nothing, or the deepest pair of each class and every other fault."""
     hands, speed, samples = audit["hands"], audit["speed"], audit["samples"]
     measures = [] if hands is None else [f"hands {1000 * hands:.1f} mm apart"]
-    measures += [] if speed is None else [f"at most {speed:.0%} of joint speed limits".replace("%", " %")]
+    measures += [] if speed is None else [f"at most {100 * speed:.0f} % of joint speed limits"]
     looked = f"in {samples} samples" if samples > 1 else "at the start"
     result = "nothing deeper than 1 mm" if audit["clean"] else _counted(len(audit["faults"]), "fault")
     console.print(Text(", ".join([f"audit: {result} {looked}", *measures])))

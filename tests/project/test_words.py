@@ -101,6 +101,18 @@ def test_texts_are_words_of_the_field(room: str) -> None:
     assert coined == []
 
 
+@pytest.mark.parametrize("room", ROOMS)
+def test_shares_have_a_space_before_their_unit(room: str) -> None:
+    """As the International System of Units writes them, on every page and in every message: "19 %"."""
+    tight = [
+        f"{path.relative_to(ROOT)}:{number}"
+        for path in files_of(room)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if re.search(r"\{[^{}]*:[^{}]*%\}", line)
+    ]
+    assert tight == []
+
+
 def files_of(room: str) -> list[Path]:
     """Return the modules of a room: of a package itself only those beside its rooms."""
     folder = ROOT / room
