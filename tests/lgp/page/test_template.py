@@ -326,4 +326,36 @@ def test_prints_a_page_for_each_slide_and_no_notes(browser: Any, page: Path) -> 
     resize(browser, 1280)
     browser.get(page.as_uri())
     until(browser, "document.querySelectorAll('section').length")
-    assert pages_on_paper(browser) == browser.execute_script("return document.querySelectorAll('section').length")
+    slides = browser.execute_script("return document.querySelectorAll('section').length")
+    assert pages_on_paper(browser) == slides
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_slide_has_its_picture_on_paper(browser: Any, page: Path, scheme: str) -> None:
+    with preferring(browser, scheme):
+        show(browser, page.as_uri())
+        browser.execute_script("Reveal.slide(2)")
+        before = browser.execute_script("return [player.time, player.stage.camera.aspect, player.stage.marked]")
+        browser.execute_script("dispatchEvent(new Event('beforeprint'))")
+        pictures = browser.execute_script(
+            """return [...document.querySelectorAll("section")].map((slide) => {
+              const picture = slide.querySelector("canvas.paper");
+              const { data } = picture.getContext("2d").getImageData(0, 0, picture.width, picture.height);
+              let [drawn, sum] = [0, 0];
+              for (let i = 0; i < data.length; i += 4)
+                if (data[i + 3] > 250) [drawn, sum] = [drawn + 1, sum + data[i + 1]];
+              return [drawn / (data.length / 4), sum / drawn];
+            })"""
+        )
+        after = browser.execute_script("return [player.time, player.stage.camera.aspect, player.stage.marked]")
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        heights = browser.execute_script(
+            "return [...document.querySelectorAll('.paper')].map((one) => one.getBoundingClientRect().height)"
+        )
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+        browser.execute_script("dispatchEvent(new Event('afterprint'))")
+    assert len(pictures) == len(ACTIONS) + 2
+    assert all(share > 0.1 and light > 120 for share, light in pictures), pictures  # light also where the page is dark
+    assert min(heights) > 200
+    assert after == before
+    assert browser.execute_script("return document.querySelectorAll('.paper').length") == 0
