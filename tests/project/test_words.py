@@ -26,7 +26,7 @@ TEXT = re.compile(
     re.IGNORECASE,
 )
 """Words that no docstring, comment, message, page or template contains."""
-SPELLING = re.compile(r"\b(centre|colour)\w*", re.IGNORECASE)
+SPELLING = re.compile(r"\b(centre|colour|recogniz)\w*", re.IGNORECASE)
 """Spellings that no page has: one of each is enough."""
 PACKAGES = ("reba", "dreba", "lgp")
 ROOMS = sorted(
