@@ -224,6 +224,20 @@ def _in_lines(text: str, width: int) -> str:
     return "\n".join(lines).replace(space, " ")
 
 
+def _refused(error: click.ClickException) -> str:
+    """Return what click found wrong; what is missing or unknown is explained, or the help that does so is named."""
+    text = error.format_message()
+    if not isinstance(error, click.UsageError) or error.ctx is None:
+        return text
+    if isinstance(error, click.BadParameter) and not isinstance(error, click.MissingParameter):
+        return text  # it names what is expected
+    meaning = (
+        error.param.help if isinstance(error, click.MissingParameter) and isinstance(error.param, click.Option) else ""
+    )
+    text = text.rstrip(".") + (f": {meaning}" if meaning else "")
+    return f"{text.rstrip('.')}; see `{error.ctx.command_path} --help`"
+
+
 def print_json(result: Any) -> None:
     """Print one JSON object on standard output, with its provenance."""
     echo(as_json(with_provenance(result), non_finite="refuse"), data=True)
@@ -249,7 +263,7 @@ def run(group: click.Group, name: str, fit: str = "fit") -> None:
     except Stop as stop:
         code = stop.code
     except (RebaError, click.ClickException) as error:
-        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        text = _refused(error) if isinstance(error, click.ClickException) else str(error)
         echo(f"{name}: {' '.join(text.split())}", err=True)
         code = 2
     except ModuleNotFoundError as error:
