@@ -35,7 +35,7 @@ def show_evaluation(console: Console, name: str, evaluation: Evaluation, model: 
         console.print(f"root mean square difference to Table I {distance_to_published(evaluation):.2f}")
     console.print(
         f"mean over classes {evaluation.balanced_rmse:.2f}; rank correlation {evaluation.spearman:.3f}; "
-        f"rounded value correct in {evaluation.rounded_accuracy:.1%}"
+        f"rounded value correct in {100 * evaluation.rounded_accuracy:.1f} %"
     )
 
 
@@ -55,7 +55,7 @@ def show_comparison(console: Console, rows: Sequence[Mapping[str, Any]], domain:
     figures = {
         "all": [f"{row['overall']['rmse']:.2f}" for row in rows],
         "rank": ["-" if row["overall"]["spearman"] is None else f"{row['overall']['spearman']:.3f}" for row in rows],
-        "rounded": [f"{row['overall']['rounded_accuracy']:.0%}" for row in rows],
+        "rounded": [f"{100 * row['overall']['rounded_accuracy']:.0f} %" for row in rows],
         "1 pose [us]": [f"{1e6 * row['seconds_per_pose']['single']:.0f}" for row in rows],
         "batch [us]": [f"{1e6 * row['seconds_per_pose']['batch']:.2f}" for row in rows],
     }
@@ -79,7 +79,7 @@ def show_enabler(console: Console, enabler: Mapping[str, Any]) -> None:
     for row in enabler["rows"]:
         table.add_row(
             row["name"], row["start"], with_error(row["reba"], row["standard_error"]),
-            with_error(row["difference"], row["difference_standard_error"], "+"), f"{row['infeasible']:.0%}",
+            with_error(row["difference"], row["difference_standard_error"], "+"), f"{100 * row['infeasible']:.0f} %",
             f"{row['evaluations']:.0f}", f"{1e3 * row['seconds']:.0f}",
         )  # fmt: skip
     console.print(table)

@@ -266,7 +266,7 @@ def _usefulness(table: Mapping[str, Any] | None, name: str, joints: int) -> list
         cells = [
             row["name"].replace("|", "\\|"), row["start"], with_error(row["reba"], row["standard_error"]),
             with_error(row["difference"], row["difference_standard_error"], "+"),
-            f"{row['reba'] - row['certified']:+.2f}", f"{row['infeasible']:.1%}", f"{row['evaluations']:.0f}",
+            f"{row['reba'] - row['certified']:+.2f}", f"{100 * row['infeasible']:.1f} %", f"{row['evaluations']:.0f}",
         ]  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")
     return lines

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from lgp.logic.task import numbered
 from lgp.search.records import SearchProgress
+from reba.method.tables import ACTION_LEVELS, LEVEL_OF
 from reba.terminal import Console, ProgressLine, Text
 
 
@@ -44,17 +45,25 @@ def _number(count: int, what: str) -> str:
 
 
 def show_plan(console: Console, summary: dict[str, Any]) -> None:
-    """Print a plan: actions with the mean REBA score of each phase, costs, residuals and search statistics."""
+    """Print a plan: its result, actions with the mean REBA score of each phase, costs, residuals, search statistics."""
     if not summary["actions"]:
         console.print(f"{summary['scene']}: the goal holds already; no action is needed")
         show_audit(console, summary["audit"])
         return
+    people, durations = summary["reba"]["people"], summary["durations"]
+    audit = summary["audit"]
+    faults = _counted(len(audit["faults"]), "fault")
+    result = [f"{_counted(len(summary['actions']), 'action')} in {sum(durations):.1f} s"]
+    for name, own in people.items():
+        whose = f" of {name}" if len(people) > 1 else ""
+        risk = ACTION_LEVELS[LEVEL_OF[own["max"]]][0]
+        result.append(f"REBA{whose} at most {own['max']} ({risk} risk), {own['mean']:.2f} on average")
+    result.append("the audit found no faults" if not audit["faults"] else f"the audit found {faults}")
+    console.print(Text(f"{summary['scene']}: {'; '.join(result)}"))
     table = Table(title=f"Plan for {summary['scene']}", title_justify="left", header_style="bold")
     table.add_column("action")
-    people = summary["reba"]["people"]
-    for name in people if len(people) > 1 else ("",):
-        table.add_column(Text(f"mean REBA {name}".rstrip()), justify="right")
-    durations = summary["durations"]
+    for name in people:
+        table.add_column(Text(f"mean REBA {name if len(people) > 1 else ''}".rstrip()), justify="right")
     differ = max(durations) - min(durations) > 1e-6
     if differ:
         table.add_column("seconds", justify="right")
@@ -63,37 +72,33 @@ def show_plan(console: Console, summary: dict[str, Any]) -> None:
     for action, (_, together) in zip(summary["actions"], numbered(summary["actions"]), strict=True):
         phase += not together
         own = [f"{durations[phase]:.2f}"] if differ else []
-        table.add_row(Text(action), *([f"{score[phase]:.1f}" for score in scores] or ["-"]), *own)
+        table.add_row(Text(action), *(f"{score[phase]:.1f}" for score in scores), *own)
     console.print(table)
     cost, residuals, search = summary["cost"], summary["residuals"], summary["search"]
     satisfied = f"satisfied within {residuals['metres']:.1e} m and {residuals['radians']:.1e} rad"
-    faults = len(summary["audit"]["faults"])
     console.print(
         f"cost {cost['total']:.3f}: acceleration {cost['acceleration']:.3f}, ergonomics {cost['ergonomics']:.3f}, "
         f"time {cost['time']:.3f}{_others(cost)}; "
-        + (f"the audit found {_count(faults)}, the constraints of the planner are " if faults else "constraints are ")
+        + ("the constraints of the planner are " if audit["faults"] else "constraints are ")
         + satisfied
     )
-    show_audit(console, summary["audit"])
+    show_audit(console, audit)
     if residuals.get("start_penetration"):
         console.print(f"accepted: at the start two bodies are {residuals['start_penetration']:.3f} m in each other")
-    for name, own in people.items():
-        whose = f" of {name}" if len(people) > 1 else ""
-        console.print(Text(f"REBA{whose}: mean {own['mean']:.2f}, max {own['max']}"))
     best = {
         "optimal": "no other sequence within the depth was found to cost less",
         "given": "no other sequence was planned",
         "concurrent": "no other plan with concurrent actions was made",
-    }.get(summary["status"], f"the optimum within the depth may cost up to {search['gap']:.1%} less")
+    }.get(summary["status"], f"the optimum within the depth may cost up to {100 * search['gap']:.1f} % less")
     console.print(
-        f"search: {search['poses']} poses, {search['sequences']} sequences, {search['paths']} paths in "
+        f"search: {', '.join(_counted(search[f'{name}s'], name) for name in ('pose', 'sequence', 'path'))} in "
         f"{search['seconds']:.1f} s; {best}"
     )
     if summary["concurrent"]:
         console.print(Text(_concurrent(summary["concurrent"])))
     starts = summary["starts"]
     if starts and starts["of"] > 1:
-        agree = f"of which {starts['agreed']} agree within 1 %"
+        agree = f"of which {starts['agreed']} {'agrees' if starts['agreed'] == 1 else 'agree'} within 1 %"
         console.print(f"motion: from the best of {starts['of']} starts of its keyframes, {agree}")
 
 
@@ -116,9 +121,9 @@ def show_audit(console: Console, audit: dict[str, Any]) -> None:
     """Print what the audit of a plan found: nothing, or the deepest pair of each class and every other fault."""
     hands, speed, samples = audit["hands"], audit["speed"], audit["samples"]
     measures = [] if hands is None else [f"hands {1000 * hands:.1f} mm apart"]
-    measures += [] if speed is None else [f"at most {speed:.0%} of joint speed limits".replace("%", " %")]
+    measures += [] if speed is None else [f"at most {100 * speed:.0f} % of joint speed limits"]
     looked = f"in {samples} samples" if samples > 1 else "at the start"
-    result = "nothing deeper than 1 mm" if audit["clean"] else _count(len(audit["faults"]))
+    result = "nothing deeper than 1 mm" if audit["clean"] else _counted(len(audit["faults"]), "fault")
     console.print(Text(", ".join([f"audit: {result} {looked}", *measures])))
     for one in audit["deepest"]:
         if one["depth"] > audit["touching"]:
@@ -133,8 +138,8 @@ def show_audit(console: Console, audit: dict[str, Any]) -> None:
         console.print(Text(f"  not judged: {what}"))
 
 
-def _count(faults: int) -> str:
-    return f"{faults} fault" if faults == 1 else f"{faults} faults"
+def _counted(number: int, name: str) -> str:
+    return f"{number} {name}" if number == 1 else f"{number} {name}s"
 
 
 def show_toolbox(console: Console, summary: dict[str, Any]) -> None:

@@ -52,7 +52,7 @@ def camera_pictures(scores: ScoreTable, *, look: Look = "pixelated", topic: str 
 
     Args:
         scores: of a recording of messages (MCAP, ROS bag, database).
-        look: "pixelated", or "clear", in which people can be recognized.
+        look: "pixelated", or "clear", in which people can be recognised.
         topic: of the camera; "" for the one with the most images.
         share: recordings in the report, which share its size.
 

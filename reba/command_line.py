@@ -191,7 +191,7 @@ class Stop(Exception):
         self.code = code
 
 
-def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
+def echo(text: str, err: bool = False, nl: bool = True, keep: str = "", data: bool = False) -> None:
     r"""Print a text with its hidden characters as escape codes, except those to `keep`; every line passes here.
 
     A message on a terminal ends its lines between words; in a pipe or a file it is one line.
@@ -200,9 +200,11 @@ def echo(text: str, err: bool = False, nl: bool = True, keep: str = "") -> None:
         err: on standard error.
         nl: end the line.
         keep: such as "\n" for a text of several lines.
+        data: for programs, so one line on a terminal, too.
     """
     shown = printable(text, keep)
-    if err and not keep and sys.stderr is not None and sys.stderr.isatty():
+    stream = sys.stderr if err else sys.stdout
+    if not keep and not data and stream is not None and stream.isatty():
         shown = _in_lines(shown, shutil.get_terminal_size().columns)
     click.echo(shown, err=err, nl=nl)
 
@@ -222,9 +224,23 @@ def _in_lines(text: str, width: int) -> str:
     return "\n".join(lines).replace(space, " ")
 
 
+def _refused(error: click.ClickException) -> str:
+    """Return what click found wrong; what is missing or unknown is explained, or the help that does so is named."""
+    text = error.format_message()
+    if not isinstance(error, click.UsageError) or error.ctx is None:
+        return text
+    if isinstance(error, click.BadParameter) and not isinstance(error, click.MissingParameter):
+        return text  # it names what is expected
+    meaning = (
+        error.param.help if isinstance(error, click.MissingParameter) and isinstance(error.param, click.Option) else ""
+    )
+    text = text.rstrip(".") + (f": {meaning}" if meaning else "")
+    return f"{text.rstrip('.')}; see `{error.ctx.command_path} --help`"
+
+
 def print_json(result: Any) -> None:
     """Print one JSON object on standard output, with its provenance."""
-    echo(as_json(with_provenance(result), non_finite="refuse"))
+    echo(as_json(with_provenance(result), non_finite="refuse"), data=True)
 
 
 def command_line(name: str) -> str:
@@ -247,7 +263,7 @@ def run(group: click.Group, name: str, fit: str = "fit") -> None:
     except Stop as stop:
         code = stop.code
     except (RebaError, click.ClickException) as error:
-        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        text = _refused(error) if isinstance(error, click.ClickException) else str(error)
         echo(f"{name}: {' '.join(text.split())}", err=True)
         code = 2
     except ModuleNotFoundError as error:

@@ -192,8 +192,16 @@ def short_columns(columns: Sequence[str]) -> list[str]:
 
 
 def show_worksheet(console: Console, sheet: Worksheet) -> None:
-    """Print the worksheet of one frame."""
-    table = Table(title=f"REBA worksheet at {sheet.time:.2f} s", title_justify="left", header_style="bold")
+    """Print the worksheet of one frame, its result first."""
+    known = {**sheet.scores, **sheet.tables}
+    s = {name: "-".join(dict.fromkeys(map(str, ends))) for name, ends in sheet.ranges.items()}
+    s |= {name: str(value) for name, value in known.items() if value is not None}
+    if sheet.scores["reba"] is None:
+        total = f"REBA {s['reba_low']} to {s['reba_high']} at {sheet.time:.2f} s: not everything was measured"
+    else:
+        total = f"REBA {s['reba']} at {sheet.time:.2f} s: {sheet.risk} risk, action {sheet.action}"
+    console.print(Text(total, style="bold"))
+    table = Table(title="REBA worksheet", title_justify="left", header_style="bold")
     for name in ("part", "points", "quantity", "value", "rule"):
         table.add_column(name, justify="right" if name == "points" else "left")
     shown = ""
@@ -205,9 +213,6 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
         points = f"{line.points:+d}" if line.possible is None else "{}-{}".format(*line.possible)
         table.add_row(part, points, line.what, line.value, line.rule)
     console.print(table)
-    known = {**sheet.scores, **sheet.tables}
-    s = {name: "-".join(dict.fromkeys(map(str, ends))) for name, ends in sheet.ranges.items()}
-    s |= {name: str(value) for name, value in known.items() if value is not None}
     console.print(
         f"Table A (trunk {s['trunk']}, neck {s['neck']}, legs {s['legs']}): {s['table_a']} + load and force "
         f"{s['load_force']} = Score A {s['score_a']}"
@@ -221,11 +226,6 @@ def show_worksheet(console: Console, sheet: Worksheet) -> None:
             f"coupling {coupling} = Score B {score_b}; Table C (A {s['score_a']}, B {score_b}): {s[f'table_c_{side}']} "
             f"+ activity {s['activity']} = REBA {s[f'reba_{side}']}"
         )
-    if sheet.scores["reba"] is None:
-        total = f"REBA {s['reba_low']} to {s['reba_high']}: not everything was measured"
-    else:
-        total = f"REBA {s['reba']}: {sheet.risk} risk, action {sheet.action}"
-    console.print(Text(total, style="bold"))
     if sheet.distribution:
         console.print(Text(f"with measurement error ({sheet.error}): {_chances(sheet.distribution)}"))
     console.print(f"rules: {sheet.rules}")
@@ -245,10 +245,10 @@ def _chances(implied: dict[str, float | None]) -> str:
 
 def show_comparison(console: Console, a: RecordingSummary, b: RecordingSummary, names: tuple[str, str]) -> None:
     """Print two recordings side by side."""
-    for letter, name, one in zip("ab", names, (a, b), strict=True):
+    for letter, name, one in zip("AB", names, (a, b), strict=True):
         console.print(Text(f"{letter}: {name}: {one.summary['verdict']['text']}"))
     table = Table(title="REBA, side by side", title_justify="left", header_style="bold")
-    for name in ("", "a", "b", "change"):
+    for name in ("", "A", "B", "difference"):
         table.add_column(name, justify="right" if name else "left", overflow="fold")
     for row in compared_figures(a, b):
         table.add_row(row.name, row.first, row.second, row.change)
@@ -324,13 +324,15 @@ def _lines(info: Info) -> list[tuple[str, str]]:
 
 def _columns(info: Info) -> Table:
     table = Table(header_style="bold", title="Angles for REBA [deg]", title_justify="left")
-    for name in ("angle", "lowest", "median", "highest", ""):
-        table.add_column(name, justify="left" if name in ("angle", "") else "right", overflow="fold")
+    for name in ("angle", "lowest", "median", "highest"):
+        table.add_column(name, justify="left" if name == "angle" else "right", overflow="fold")
+    if info.unmeasured:
+        table.add_column("not measured", overflow="fold")
     for name in COLUMNS:
         if name in info.ranges:
-            table.add_row(name, *(f"{value:z.1f}" for value in info.ranges[name]), "")
+            table.add_row(name, *(f"{value:z.1f}" for value in info.ranges[name]))
         else:
-            table.add_row(name, "", "", "", Text(f"not measured: {info.unmeasured.get(name, 'absent')}"), style="dim")
+            table.add_row(name, "", "", "", Text(info.unmeasured.get(name, "absent")), style="dim")
     return table
 
 

@@ -85,16 +85,16 @@ def print_results(results: Iterable[RecordingResult], **more: Any) -> None:
     `more` are further members of the object, after the lists of recordings and failures.
     """
     failed = []
-    echo('{"recordings": [', nl=False)
+    echo('{"recordings": [', nl=False, data=True)
     separator = ""
     for result in results:
         if result.error is not None:
             failed.append({"input": result.input, "error": result.error})
         else:
-            echo(separator + as_json(result.summary, non_finite="refuse"), nl=False)
+            echo(separator + as_json(result.summary, non_finite="refuse"), nl=False, data=True)
             separator = ", "
     rest = as_json(with_provenance({"failed": failed, **more}), non_finite="refuse")
-    echo(f"], {rest[1:]}")
+    echo(f"], {rest[1:]}", data=True)
 
 
 def _counts(run: DatasetRun) -> str:
@@ -102,10 +102,10 @@ def _counts(run: DatasetRun) -> str:
     reasons = ", ".join(
         f"{number} {'new' if reason == NEW else f'again: {reason}'}" for reason, number in run.scored.items()
     )
-    parts = [f"{run.scored.total()} scored" + (f" ({reasons})" if reasons else "")]
-    parts += [f"{run.unchanged} unchanged"] if run.unchanged else []
-    parts += [f"{run.failed} of them failed"] if run.failed else []
-    return ", ".join(parts)
+    parts = [f"{run.scored.total() - run.failed} scored"]
+    parts += [f"{run.failed} failed"] if run.failed else []
+    done = ", ".join(parts) + (f" ({reasons})" if reasons else "")
+    return done + (f", {run.unchanged} unchanged" if run.unchanged else "")
 
 
 def _raise_single_failure(results: Sequence[RecordingResult], failed: int) -> None:

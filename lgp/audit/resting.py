@@ -53,7 +53,7 @@ def resting_errors(table: Table, item: SceneObject, rotation: Array, position: A
         yield f"has its middle {1000 * beside:.1f} mm beside the top", beside
     share = _share_on(half, middle + _footprint(item, rotation) @ top)
     if share < ON_TOP - 1e-6:
-        yield f"has {share:.0%} of its footprint on the top", share
+        yield f"has {100 * share:.0f} % of its footprint on the top", share
 
 
 def _footprint(item: SceneObject, rotation: Array) -> Array:

@@ -153,7 +153,7 @@ def _show(summary: dict[str, Any]) -> None:
             continue
         other = "" if row["same_actions"] else f", which would be {', '.join(row['actions'])}"
         out.print(
-            f"{row['action']} retargeted: cost {row['greedy']:.3f}, {row['extra']:+.3f} ({row['share']:+.0%}) "
+            f"{row['action']} retargeted: cost {row['greedy']:.3f}, {row['extra']:+.3f} ({100 * row['share']:+.0f} %) "
             f"against a new plan{other}"
         )
     out.print(f"log: {summary['output']}")

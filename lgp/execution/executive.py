@@ -208,7 +208,7 @@ class Executive:
             return None
         if violated:
             trajectory, factor = time_scaled(world, phase.trajectory, columns)
-            self.on_event("waiting", "slowed", f"The robot moves at {1 / factor:.0%} of the planned speed.", {
+            self.on_event("waiting", "slowed", f"The robot moves at {100 / factor:.0f} % of the planned speed.", {
                 "why": str(violated[0]), "factor": factor, "limits": [str(one) for one in violated],
             })  # fmt: skip
             phase = replace(phase, trajectory=trajectory)

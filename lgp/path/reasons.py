@@ -123,7 +123,7 @@ def _footing(problem: PathProblem, number: int, value: float) -> str:
     switch, scene = problem.phases.switches[number], problem.world.scene
     side = 2.0 * float(np.sqrt(footprint(scene.objects[switch.object_name]).prod()))
     share = LEAST_SHARE + SPARE_SHARE - value / side
-    return f"{share:.0%} of the footprint of {switch.object_name} is on {switch.table}, half of it has to be"
+    return f"{100 * share:.0f} % of the footprint of {switch.object_name} is on {switch.table}, half of it has to be"
 
 
 def _collision(name: str, value: float) -> str:

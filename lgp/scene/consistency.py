@@ -58,8 +58,8 @@ def check_first_facts(scene: Scene) -> None:
         if share < LEAST_SHARE:
             foot = " x ".join(f"{2.0 * half:g}" for half in footprint(item, item.up))
             raise SceneError(
-                f"{where} of {foot} m has {share:.0%} of its footprint on {item.on}, expected {LEAST_SHARE:.0%} or "
-                "more; move it, or correct its size"
+                f"{where} of {foot} m has {100 * share:.0f} % of its footprint on {item.on}, "
+                f"expected {100 * LEAST_SHARE:.0f} % or more; move it, or correct its size"
             )
         for fact in (Atom("placed", (name, item.on)), Atom("on_table", (name,))):
             if fact in unwanted and fact not in facts:

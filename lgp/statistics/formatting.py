@@ -18,12 +18,12 @@ def p_value(value: float | None) -> str:
 
 
 def p_text(p: float | None) -> str:
-    """P value in the style of the American Psychological Association, for sentences.
+    """P value with three decimals, for sentences.
 
     >>> p_text(0.0312), p_text(0.00002), p_text(None)
-    ('p = .031', 'p < .001', 'p not defined')
+    ('p = 0.031', 'p < 0.001', 'p not defined')
     """
-    return "p not defined" if p is None else "p < .001" if p < 0.001 else f"p = {p:.3f}".replace("0.", ".")
+    return "p not defined" if p is None else "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
 
 
 def signed(value: float | None) -> str:

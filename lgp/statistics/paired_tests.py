@@ -131,7 +131,7 @@ class ChoiceTest:
 
 
 def stars(p: float) -> str:
-    """Significance marks of a p value: *** below .001, ** below .01, * below .05, else an empty text."""
+    """Significance marks of a p value: *** below 0.001, ** below 0.01, * below 0.05, else an empty text."""
     return next((mark for limit, mark in STARS if p < limit), "")
 
 

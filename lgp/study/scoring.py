@@ -202,7 +202,7 @@ EXTRA: Final[dict[str, str]] = {
 SHORT: Final = 0.5
 """Recordings shorter than this share of the median duration of their condition are reported."""
 FEW_PAIRS: Final = 6
-"""The two-sided signed-rank test of fewer pairs cannot reach p < .05: with five, p is at least 2 / 2^5 = .0625."""
+"""The two-sided signed-rank test of fewer pairs cannot reach p < 0.05: with five, p is at least 2 / 2^5 = 0.0625."""
 
 
 def missing_cells(sources: Sources, scored: Scored, conditions: Sequence[str]) -> list[dict[str, str]]:
@@ -228,7 +228,7 @@ def limitations(scored: Scored, results: dict[str, Any], cells: pd.DataFrame) ->
         if 1 < pair["n"] < FEW_PAIRS:
             notes.append(
                 f"{pair['first']} against {pair['second']}: with {pair['n']} pairs the signed-rank test cannot reach "
-                "p < .05 for any effect"
+                "p < 0.05 for any effect"
             )
     trials = sorted(set(cells["trials"].tolist()))
     if len(trials) > 1:

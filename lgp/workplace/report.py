@@ -17,7 +17,7 @@ from reba.outputs import FileOutput, check_outputs
 from reba.posture.columns import COLUMNS
 from reba.posture.skeleton import SPOTS, Mark, stick_figure
 from reba.report.labels import angle_name
-from reba.report.page import read, template
+from reba.report.page import template
 
 SHOWN_DIFFERENCE: Final = 5.0
 """[deg] Angles that differ by less are left out of the table: measurement error is as large."""
@@ -39,14 +39,12 @@ def write_report(workplace: MovedWorkplace, path: str | Path, *, command: str = 
 
 def render(workplace: MovedWorkplace, *, command: str = "") -> str:
     """Return the page as HTML text."""
-    from markupsafe import Markup
 
     return template("lgp.workplace", "workplace.html").render(
         workplace=workplace,
         moments=[_section(moment, workplace) for moment in workplace.moments],
         notes=wording.assumptions(workplace),
         levels=[(number, name) for number, (name, _) in enumerate(ACTION_LEVELS)],
-        dark=Markup(read("reba.report", "recording.css")),
         command=command,
     )
 

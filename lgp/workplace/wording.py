@@ -79,6 +79,8 @@ def _equals(place: Place, moment: MovedSurface) -> bool:
 def nearness(moment: MovedSurface) -> str:
     """Return how near the body comes to the measured posture."""
     mean, largest, angle = moment.fit
+    if largest < 0.05:
+        return "The body has the measured angles."
     return f"The body has the measured angles within {mean:.1f} deg on average, {largest:.1f} deg at most ({angle})."
 
 

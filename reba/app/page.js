@@ -65,24 +65,40 @@ async function add(file) {
   const card = find("#recording").content.cloneNode(true).firstElementChild;
   find("h2", card).textContent = file.name;
   find("#recordings").append(card);
-  const about = find(".about", card);
-  about.replaceChildren(element("p", "Reading …"));
+  const place = find(".about", card);
+  place.textContent = "Reading …";
+  find(".remove", card).addEventListener("click", () => card.remove());
   try {
     const { id } = await ask(`recordings?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
     card.dataset.recording = id;
     connect(card, id);
-    describe(about, await ask(`recordings/${id}`));
-    find("form", card).hidden = false;
+    await describe(card, id);
   } catch (error) {
-    alarm(about, error);
+    alarm(place, error);
   }
 }
 
-function describe(place, about) {
-  const lines = [element("p", about.recognised)];
-  if (about.usable) {
-    lines.push(element("p", `${about.frames} frames, ${seconds(about.seconds)}, ${about.measured.length} of 22 angles measured`));
+// What was recognised, with the neutral posture and the person that are chosen.
+async function describe(card, id) {
+  const form = find("form", card);
+  const place = find(".about", card);
+  let about;
+  try {
+    about = await ask(`recordings/${id}?${new URLSearchParams(reading(form))}`);
+  } catch (error) {
+    alarm(place, error);
+    return;
   }
+  const choice = find("[name=topic]", form);
+  if (choice.options.length === 1) choice.append(...about.topics.map((name) => element("option", name)));
+  choice.parentElement.hidden = !about.topics.length;
+  form.hidden = !about.usable && !about.topics.length;
+  if (!about.usable) {
+    alarm(place, { message: about.recognised });
+    return;
+  }
+  const counted = `${about.frames} frames, ${seconds(about.seconds)}, ${about.measured.length} of 22 angles measured`;
+  const lines = [element("p", about.recognised), element("p", counted)];
   const missing = Object.entries(about.unmeasured).map(([name, why]) => `${name.replaceAll("_", " ")}: ${why}`);
   if (missing.length) lines.push(list("Not measured: the scores show the range that is left open", missing));
   if (about.assumed.length) lines.push(list("Assumed", about.assumed));
@@ -94,18 +110,17 @@ function connect(card, id) {
   const form = find("form", card);
   find(".add", form).addEventListener("click", () => {
     const row = element("tr");
-    for (const [name, type] of [["name", "text"], ["start", "number"], ["end", "number"]]) {
+    const parts = [["name", "text", "Name"], ["start", "number", "From [s]"], ["end", "number", "To [s]"]];
+    for (const [name, type, label] of parts) {
       const cell = element("td");
-      cell.append(element("input", undefined, { type, "data-part": name, step: "any", "aria-label": name }));
+      cell.append(element("input", undefined, { type, "data-part": name, step: "any", "aria-label": label }));
       row.append(cell);
     }
     find(".tasks tbody", form).append(row);
     find("input", row).focus();
   });
-  find(".remove", form).addEventListener("click", async () => {
-    await ask(`recordings/${id}`, { method: "DELETE" }).catch(() => {});
-    card.remove();
-  });
+  find(".remove", card).addEventListener("click", () => ask(`recordings/${id}`, { method: "DELETE" }).catch(() => {}));
+  find(".reading", form).addEventListener("change", () => describe(card, id));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const place = find(".results", card);
@@ -121,9 +136,15 @@ function connect(card, id) {
   });
 }
 
+function reading(form) {
+  const [neutral, topic] = ["neutral", "topic"].map((name) => find(`[name=${name}]`, form).value);
+  return { ...(neutral && { neutral: `first:${neutral}s` }), ...(topic && { topic }) };
+}
+
 function settings(form) {
   const given = {};
   for (const [name, value] of new FormData(form)) if (value !== "") given[name] = value === "on" ? true : value;
+  Object.assign(given, reading(form));
   if (given.load !== undefined) given.load = Number(given.load);
   given.tasks = [...form.querySelectorAll(".tasks tbody tr")].map((row) => {
     const task = {};
@@ -188,26 +209,16 @@ find("#compare").addEventListener("click", async () => {
   const place = find("#compared");
   const body = JSON.stringify({ first: find("#first").value, second: find("#second").value });
   try {
-    const { id, before, after, a, b } = await ask("comparison", { method: "POST", body });
-    const range = ({ range: ends }, name) => {
-      const [low, high] = [ends[`${name}_low`], ends[`${name}_high`]];
-      return low === high ? low.toFixed(1) : `${low.toFixed(1)} to ${high.toFixed(1)}`;
-    };
-    const signed = (value) => `${value > 0 ? "+" : ""}${value.toFixed(1)}`;
-    // From the lowest to the highest difference that unmeasured angles leave.
-    const change = (name) => {
-      const ends = [b.range[`${name}_low`] - a.range[`${name}_high`], b.range[`${name}_high`] - a.range[`${name}_low`]];
-      return [...new Set(ends.map(signed))].join(" to ");
-    };
-    const titles = { mean: "mean", median: "median", p90: "90th percentile", max: "highest" };
-    const rows = Object.entries(titles).map(([name, title]) => [
-      `REBA, ${title}`, range(a, name), range(b, name), change(name),
-    ]);
+    const { id, verdicts, rows, notes } = await ask("comparison", { method: "POST", body });
     const links = element("p", undefined, { class: "results" });
     links.append(element("a", "Open the comparison", { href: `results/${id}/report.html`, target: "_blank" }));
     links.append(saved(id, "comparison"));
-    const verdicts = [verdict(`Before, ${before}`, a.verdict.text), verdict(`After, ${after}`, b.verdict.text)];
-    place.replaceChildren(...verdicts, table(["", "Before", "After", "Difference"], rows), links);
+    place.replaceChildren(
+      ...["Before", "After"].map((when, number) => verdict(`${when}, ${verdicts[number][0]}`, verdicts[number][1])),
+      table(["", "Before", "After", "Difference"], rows),
+      ...notes.map((note) => element("p", note)),
+      links,
+    );
   } catch (error) {
     alarm(place, error);
   }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import shutil
 import threading
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any, Final
@@ -20,7 +20,8 @@ from reba.posture.table import PostureTable
 from reba.readers import read
 from reba.readers.info import info
 from reba.report import write_report
-from reba.scored_files import compare
+from reba.report.comparison import compared_figures, differing
+from reba.report.summary import summarise
 from reba.scores import Scores, score
 from reba.writers import write_scores
 
@@ -39,6 +40,10 @@ CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "error": MEASUREMENTS,
 }
 """Setting -> its values, beside none."""
+READ_BY: Final = ("neutral", "topic")
+"""Settings of `reba.read` that the page offers."""
+COMPARED: Final = 6
+"""Figures of a comparison that the page shows: those of REBA and the time at high risk; the report has all."""
 RESULTS: Final[Mapping[str, str]] = {
     "report.html": "text/html; charset=utf-8",
     "scores.csv": "text/csv; charset=utf-8",
@@ -92,14 +97,21 @@ class Recordings:
         self._recordings[key] = kept
         return {"id": key, "name": safe}
 
-    def about(self, key: str) -> dict[str, Any]:
-        """Return what was recognised in a recording, as plain data."""
+    def about(self, key: str, reading: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what was recognised in a recording, as plain data.
+
+        Args:
+            reading: any of `READ_BY`.
+
+        Raises:
+            RebaError: a value of `reading` is wrong, or the recording cannot be read.
+        """
         path = self._path(key)
         with self._work:
-            content = info(path).to_dict()
+            content = info(path, **_reading(reading)).to_dict()
         names = ("format", "title", "recognised", "usable", "frames", "seconds", "rate", "measured", "unmeasured",
                  "assumed", "warnings")  # fmt: skip
-        return {name: content[name] for name in names}
+        return {name: content[name] for name in names} | {"topics": _topics(content["streams"])}
 
     def remove(self, key: str) -> None:
         """Forget a recording and delete its file."""
@@ -111,8 +123,8 @@ class Recordings:
         """Score a recording, or each of its tasks; write report and tables, and return their summary.
 
         Args:
-            settings: any of rules, load [kg], coupling, support, shock, arm_supported, error, and `tasks`: a list of
-                {"name", "start", "end"} [s], by default one over the whole recording.
+            settings: any of rules, load [kg], coupling, support, shock, arm_supported, error, those of `READ_BY`, and
+                `tasks`: a list of {"name", "start", "end"} [s], by default one over the whole recording.
 
         Raises:
             RebaError: a setting is wrong, or the recording cannot be scored.
@@ -123,7 +135,7 @@ class Recordings:
         result = self._result(path.name)
         with self._work:
             for name, start, end in tasks:
-                postures = read(path, start=start, end=end)
+                postures = read(path, start=start, end=end, **_reading(settings))
                 one = score(_named(postures, name), rules=rules, error=error, **factors)
                 result.scores.append(one)
             write_report(result.scores, result.folder / "report.html")
@@ -158,9 +170,15 @@ class Recordings:
             raise RebaError("a comparison cannot be compared; choose two results of recordings")
         result = self._result(f"{before.name} and {after.name}")
         with self._work:
-            content: dict[str, Any] = compare(before.scores[0], after.scores[0])
-            write_report([before.scores[0], after.scores[0]], result.folder / "report.html")
-        return {"id": self._keep(result), "before": before.name, "after": after.name, **content}
+            pair = [before.scores[0], after.scores[0]]
+            a, b = map(summarise, pair)
+            write_report(pair, result.folder / "report.html")
+        return {
+            "id": self._keep(result),
+            "verdicts": [[one.name, one.summary["verdict"]["text"]] for one in (a, b)],
+            "rows": [[row.name, row.first, row.second, row.change] for row in compared_figures(a, b)[:COMPARED]],
+            "notes": list(differing(a, b)),
+        }
 
     def _result(self, name: str) -> Scored:
         """Return a result without files in a folder of its own."""
@@ -202,7 +220,7 @@ def _file_name(name: str) -> str:
 
 
 def _settings(given: Mapping[str, Any]) -> tuple[dict[str, Any], str, str | None]:
-    known = {"load", "shock", "arm_supported", "tasks", *CHOICES}
+    known = {"load", "shock", "arm_supported", "tasks", *CHOICES, *READ_BY}
     unknown = sorted(set(given) - known)
     if unknown:
         raise RebaError(f"setting {unknown[0]!r} is unknown; known are {', '.join(sorted(known))}")
@@ -219,6 +237,21 @@ def _settings(given: Mapping[str, Any]) -> tuple[dict[str, Any], str, str | None
     factors |= {name: True for name in ("shock", "arm_supported") if given.get(name)}
     factors |= {} if load is None else {"load": float(load)}
     return factors, given.get("rules") or "measured", given.get("error") or None
+
+
+def _reading(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that reading needs; what they may be, the readers say."""
+    return {name: given[name] for name in READ_BY if given.get(name)}
+
+
+def _topics(streams: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the streams and persons of which one can be chosen, none where there is no choice."""
+    names = [
+        name
+        for stream in streams
+        for name in ([f"{stream['name']}#{body}" for body in stream["bodies"]] or [stream["name"]])
+    ]
+    return names if len(names) > 1 else []
 
 
 def _tasks(given: Any, whole: str) -> list[tuple[str, float | None, float | None]]:

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 HOST: Final = "127.0.0.1"
 """Loopback: other machines do not reach the page, and there is no option to change it."""
 METHODS: Final = ("GET", "POST", "DELETE")
+FIELDS: Final = (
+    (re.compile(r" \(--neutral first:3s\)"), " below"),
+    (re.compile(r"choose one with --topic, like --topic [^\"]*"), "choose one below"),
+)
+"""What messages say of options -> the same of the fields of the page."""
 MOST_JSON: Final = 1 << 20
 """[bytes] Of a request that is no recording."""
 
@@ -104,6 +109,8 @@ def application(recordings: Recordings) -> Starlette:
             content, status = {"error": str(error)}, 400
         # Of the places of recordings only the names of the files are the user's.
         text = _place(recordings.folder).sub("", json.dumps(content))
+        for option, words in FIELDS:
+            text = option.sub(words, text)
         return Plain(text, status_code=status, media_type="application/json")
 
     async def page(_: Request) -> Response:
@@ -118,7 +125,7 @@ def application(recordings: Recordings) -> Starlette:
         return await answer(recordings.add(request.query_params.get("name", ""), size, request.stream()))
 
     async def about(request: Request) -> Response:
-        return await answer(run_in_threadpool(recordings.about, request.path_params["key"]))
+        return await answer(run_in_threadpool(recordings.about, request.path_params["key"], request.query_params))
 
     async def remove(request: Request) -> Response:
         return await answer(run_in_threadpool(recordings.remove, request.path_params["key"]))

@@ -266,6 +266,7 @@ def template(
         "program": package.partition(".")[0],
         "version": __version__,
         "style": Markup(_colours() + read("reba.report", "style.css")),
+        "dark": Markup(read("reba.report", "dark.css")),
         "scripts": [(_hash(script), Markup(script)) for script in scripts],
     }
     return environment.get_template(name)

@@ -84,9 +84,9 @@ def statement(some: Sequence[Pictures]) -> str:
     count = sum(len(one.pictures) for one in shown)
     many = "one picture of a camera" if count == 1 else f"{count} pictures of a camera"
     if not all(blocks):
-        return f"It contains {many}, which are not pixelated: people in them can be recognized."
+        return f"It contains {many}, which are not pixelated: people in them can be recognised."
     return (
         f"It contains {many}, pixelated as a whole to {max(blocks)} squares on the longer side, finer ones are not in "
         "the file. Faces were not looked for: someone who is close to the camera, or known by clothes or place, may "
-        "still be recognized."
+        "still be recognised."
     )

@@ -39,16 +39,12 @@
       if (canvas === this.scoresCanvas) this.busyNote.hidden = !busy;
       if (busy) this.drawMeans(area, y, low, high, first, last);
       else this.drawSteps(area, y, low, high, first, last);
-      let free = -Infinity;
-      for (const [number, start, end] of [...this.intervals].sort((one, two) => one[1] - two[1])) {
-        const a = this.x(start, width), b = this.x(end, width);
+      for (const [number, a, b, middle] of this.numbered(width)) {
         pen.lineWidth = 1;
         pen.setLineDash([2, 3]);
         pen.strokeRect(a, top, Math.max(b - a, 1), bottom - top);
         pen.setLineDash([]);
         pen.fillStyle = ink;
-        const middle = Math.max((a + b) / 2, free);
-        free = middle + 18;
         pen.fillRect(middle - 8, 1, 16, 16);
         pen.fillStyle = Person.color("--card");
         pen.font = "700 12px system-ui, sans-serif";
@@ -56,6 +52,20 @@
       }
       this.gapsAndCursor(area, 26, 18);
       pen.restore();
+    },
+
+    // The intervals in view: number, both ends, and the middle of the number, which is whole and covers no other.
+    numbered(width) {
+      const seen = this.intervals
+        .map(([number, start, end]) => [number, this.x(start, width), this.x(end, width)])
+        .filter(([, a, b]) => b >= LEFT && a <= width - RIGHT)
+        .sort((one, two) => one[1] - two[1])
+        .map(([number, a, b]) => [number, a, b, (a + b) / 2]);
+      let free = LEFT + 8;
+      for (const one of seen) free = (one[3] = Math.max(one[3], free)) + 18;
+      free = width - RIGHT - 8;
+      for (const one of seen.reverse()) free = (one[3] = Math.min(one[3], free)) - 18;
+      return seen;
     },
 
     changes(first, last, low, high) {

@@ -1,8 +1,9 @@
 """Write scores and postures as an Excel workbook: summary, intervals, frames, and a sheet that computes a frame's REBA.
 
-The sheets of scores are `Summary`, `Intervals` (the worst ones), `Frames` (the table of the other formats), `Worksheet`
-and `Tables`: the formulas of the worksheet (`reba.writers.xlsx_worksheet`) take the angles of a frame to its REBA, so
-that an auditor can check every step in a spreadsheet. The hidden sheet `Record` has the metadata.
+The sheets of scores are `Summary` (`reba.writers.xlsx_summary`), `Intervals` (the worst ones), `Frames` (the table of
+the other formats), `Worksheet` and `Tables`: the formulas of the worksheet (`reba.writers.xlsx_worksheet`) take the
+angles of a frame to its REBA, so that an auditor can check every step in a spreadsheet. `Details` has every figure of
+the summary, the metadata and the rules by their names in JSON, the hidden sheet `Record` the metadata to read back.
 
 Needs openpyxl (extra `xlsx`).
 """
@@ -32,6 +33,7 @@ from reba.posture.angles import against_gravity
 from reba.printable import printable
 from reba.provenance import generator
 from reba.readers.formats.score_file import FRAMES, KEY, RECORD
+from reba.writers.xlsx_summary import summary_rows
 from reba.writers.xlsx_worksheet import AGAINST_GRAVITY, ARM_COLUMNS, worksheet_rows
 
 MOST_FRAMES: Final = 1_048_575
@@ -41,7 +43,12 @@ MOST_TEXT: Final = 32_000
 EPOCH: Final = dt.datetime(1980, 1, 1)
 """Time of creation that a workbook states; a workbook that states none gets the present one."""
 _MODIFIED: Final = re.compile(r"(<dcterms:modified[^>]*>)[^<]*")
-WIDTHS: Final = {"Summary": (34, 60), "Intervals": (8, 10, 10, 10, 8, 8, 100), "Worksheet": (40, 18, 16, 16, 60)}
+WIDTHS: Final = {
+    "Summary": (46, 70, 40),
+    "Details": (34, 60),
+    "Intervals": (8, 10, 10, 10, 8, 8, 100),
+    "Worksheet": (40, 18, 16, 16, 60),
+}
 """Sheet -> widths of its columns in characters."""
 _LEFT_OUT: Final = ("worst", "accounts", "rules")
 """Parts of a summary that are no single values; the rules have rows of their own."""
@@ -70,7 +77,7 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
 
     Args:
         data: one row per frame.
-        about: metadata, in the sheet `Summary`.
+        about: metadata, in the sheet `Details`.
         scores: that the table is of, None for postures.
     """
     from openpyxl import Workbook
@@ -82,8 +89,8 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
     summary = _flat({} if scores is None else summarise(scores), _LEFT_OUT)
     rules = {} if scores is None else {f"rules.{name}": value for name, value in about["rules"].items()}
     rows = {**summary, **_flat(about, (*_LEFT_OUT, "factors", "activity")), **rules}
-    _sheet(book, "Summary", [("what", "value"), *((_cell(name), value) for name, value in rows.items())])
     if scores is not None:
+        _sheet(book, "Summary", (map(_cell, row) for row in summary_rows(scores)), wrapped=True)
         _sheet(book, "Intervals", _intervals(summarise(scores)["worst"]))
         if scores.rules.upper_arm_reference == "gravity":
             data = pd.concat([data, _gravity_columns(scores)], axis=1)
@@ -91,6 +98,7 @@ def write_xlsx(data: pd.DataFrame, about: Mapping[str, Any], scores: ScoreTable 
     if scores is not None and len(data):
         _sheet(book, "Worksheet", worksheet_rows(scores, list(data.columns), _worst_frame(scores)))
         _sheet(book, "Tables", _tables())
+    _sheet(book, "Details", [("what", "value"), *((_cell(name), value) for name, value in rows.items())])
     if scores is not None:
         _sheet(book, RECORD, _record(about))
         book[RECORD].sheet_state = "hidden"
@@ -119,15 +127,25 @@ class _Undated(zipfile.ZipFile):
         return entry
 
 
-def _sheet(book: Any, title: str, rows: Iterable[Iterable[Any]]) -> None:
+def _sheet(book: Any, title: str, rows: Iterable[Iterable[Any]], *, wrapped: bool = False) -> None:
+    """Add a sheet; `wrapped` shows long texts in lines, and numbers below their headings."""
+    from openpyxl.cell import WriteOnlyCell
+    from openpyxl.styles import Alignment
     from openpyxl.utils import get_column_letter
+
+    look = Alignment(wrap_text=True, vertical="top", horizontal="left")
 
     sheet = book.create_sheet(title)
     for number, width in enumerate(WIDTHS.get(title, ()), 1):
         sheet.column_dimensions[get_column_letter(number)].width = width
     sheet.freeze_panes = "A2"
     for row in rows:
-        sheet.append(list(row))
+        cells = list(row)
+        if wrapped:
+            cells = [WriteOnlyCell(sheet, value) for value in cells]
+            for cell in cells:
+                cell.alignment = look
+        sheet.append(cells)
 
 
 def _record(about: Mapping[str, Any]) -> Iterator[list[str]]:

@@ -132,7 +132,7 @@ def test_rows_of_usefulness_are_those_of_the_model_with_what_was_added(tmp_path:
     (tmp_path / "compared.json").write_text(json.dumps({"enabler": TABLE}))
     table = usefulness_table(tmp_path / "compared.json")
     text = as_text(model_card(dreba.load("convex"), "convex", table))
-    assert "| convex | random | 1.50 (0.10) | -0.25 | +0.25 | 1.2% | 30 |" in text
+    assert "| convex | random | 1.50 (0.10) | -0.25 | +0.25 | 1.2 % | 30 |" in text
     assert re.findall(r"^\| (convex[^|]*) \| random", text, re.M) == ["convex", "convex, free start"]
     assert "`dreba compare --tasks bench:7`" in text
     assert "certified for 6 tasks" in text

@@ -8,7 +8,17 @@ from typing import Any
 import pytest
 
 import dreba
-from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
+from tests.support.browser import (
+    complaints,
+    needs_browser,
+    pages_on_paper,
+    preferring,
+    resize,
+    too_wide,
+    until,
+    visible,
+    weak_texts,
+)
 
 pytestmark = [pytest.mark.slow, needs_browser]
 
@@ -49,6 +59,13 @@ def test_all_is_drawn_without_errors_and_without_sideways_scrolling(browser: Any
     assert too_wide(browser) <= 0
     assert browser.execute_script("return performance.getEntriesByType('resource').length") == 0
     assert complaints(browser) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out(browser: Any, report: Path, scheme: str) -> None:
+    with preferring(browser, scheme):
+        show(browser, report, 1280)
+        assert weak_texts(browser) == []
 
 
 def test_the_legend_lies_above_the_bars(browser: Any, report: Path) -> None:

@@ -35,6 +35,9 @@ def shown(plan: Plan) -> list[str]:
 
 def test_a_clean_plan(tmp_path: Path) -> None:
     lines = shown(carried(tmp_path))
+    assert lines[0] == "scene: 2 actions in 4.0 s; the audit found no faults"
+    assert not any("REBA" in line for line in lines)  # there is nobody
+    assert any(line.startswith("search: 1 pose, 1 sequence, 1 path in ") for line in lines)
     assert any(line.endswith("; constraints are satisfied within 1.0e-08 m and 1.0e-08 rad") for line in lines)
     assert "audit: nothing deeper than 1 mm in 201 samples, at most 42 % of joint speed limits" in lines
 
@@ -64,7 +67,8 @@ def test_a_plan_with_faults(tmp_path: Path) -> None:
     x, y, z, tilt = PUT
     edge = {"edge": {"position": [0.5, 0.0], "size": [0.1, 1.0], "height": 1.04, "thickness": 0.1}}
     lines = shown(carried(tmp_path, put=(x, y, z + 0.005, tilt), tables=TABLES | edge))
-    assert any("; the audit found 4 faults, the constraints of the planner are satisfied" in line for line in lines)
+    assert lines[0].endswith("; the audit found 4 faults")
+    assert any("; the constraints of the planner are satisfied" in line for line in lines)
     at = next(number for number, line in enumerate(lines) if line.startswith("audit: 4 faults in 201 samples"))
     assert lines[at + 1].startswith("  object/table: box is 40.0 mm in table.edge at ")
     assert lines[at + 2].startswith("  robot/table: gantry.f")

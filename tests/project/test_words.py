@@ -26,7 +26,7 @@ TEXT = re.compile(
     re.IGNORECASE,
 )
 """Words that no docstring, comment, message, page or template contains."""
-SPELLING = re.compile(r"\b(centre|colour)\w*", re.IGNORECASE)
+SPELLING = re.compile(r"\b(centre|colour|recogniz)\w*", re.IGNORECASE)
 """Spellings that no page has: one of each is enough."""
 PACKAGES = ("reba", "dreba", "lgp")
 ROOMS = sorted(
@@ -99,6 +99,18 @@ def test_texts_are_words_of_the_field(room: str) -> None:
         f"{path.relative_to(ROOT)} {match.group()}" for path in pages for match in coined_words(path.read_text("utf-8"))
     ]
     assert coined == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_shares_have_a_space_before_their_unit(room: str) -> None:
+    """As the International System of Units writes them, on every page and in every message: "19 %"."""
+    tight = [
+        f"{path.relative_to(ROOT)}:{number}"
+        for path in files_of(room)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if re.search(r"\{[^{}]*:[^{}]*%\}", line)
+    ]
+    assert tight == []
 
 
 def files_of(room: str) -> list[Path]:

@@ -150,7 +150,7 @@ def test_the_page_says_how_pictures_are_shown_and_names_no_camera(look: str, tmp
     text = page.read_text()
     assert "ann_lee" not in text
     assert "front/" not in text
-    said = "pixelated as a whole to 40 squares" if look == "pixelated" else "people in them can be recognized"
+    said = "pixelated as a whole to 40 squares" if look == "pixelated" else "people in them can be recognised"
     assert said in re.sub(r"\s+", " ", text)
     assert run("score", path, "--report", page, "--images", look, f"--camera={made.TOPIC}").exit_code == 0
     assert "ann_lee" not in page.read_text()

@@ -118,6 +118,8 @@ def test_one_bad_file_does_not_stop_the_others(run: Run, tmp_path: Path) -> None
     code, out, _ = run("score", tmp_path / "a_bad.csv", tmp_path / "b_good.csv")
     assert code == 1
     assert "failed: " in out
+    code, out, err = run("score", tmp_path / "a_bad.csv", tmp_path / "b_good.csv", "-o", tmp_path / "other")
+    assert "1 scored, 1 failed (2 new)" in out + err
 
 
 @pytest.mark.slow
@@ -197,6 +199,9 @@ def test_info_and_profiles(run: Run) -> None:
     assert code == 0
     assert "/joint_states" in out
     assert "human_description" in out
+    assert not re.search(r"[┃│] +[┃│]?$", out, re.MULTILINE)  # no column is empty
+    assert "not measured" not in out
+    assert re.search(r"highest +┃ not measured +┃", run("info", ASSEMBLY)[1])
     code, out, _ = run("info", PALLETS, "--json")
     assert code == 0
     assert json.loads(out)

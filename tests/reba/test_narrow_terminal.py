@@ -15,9 +15,10 @@ import dreba.cli
 import lgp.cli
 import reba
 import reba.cli
-from reba.command_line import run
+from reba.command_line import echo, print_json, run
 from reba.terminal import Console, Text
 from tests.support.paths import DATASETS
+from tests.support.says import says
 
 ASSEMBLY = str(DATASETS / "simulated_assembly.csv")
 PALLETS = str(DATASETS / "simulated_palletising.mcap")
@@ -131,3 +132,48 @@ def test_a_table_without_room_is_printed_row_by_row() -> None:
         "of /a/very/long/path/that/is/no/word", "name some name of many words", "two lines 123456.789",
         "third incomprehensibilities", "", "name b", "third 1", "",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("reba", "explain", "a.csv"), ("--at", "Time of the frame", "`reba explain --help`")),
+        (("dreba", "export", "m.json"), ("--to", "casadi", "`dreba export --help`")),
+        (("lgp", "simulate-study"), ("CONDITION=PLAN_DIR", "`lgp simulate-study --help`")),
+        (("reba", "score", "a.csv", "--no-such"), ("--no-such", "`reba score --help`")),
+        (("reba", "nonsense"), ("nonsense", "`reba --help`")),
+    ],
+    ids=" ".join,
+)
+def test_what_is_missing_or_unknown_is_named_with_its_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], said: tuple[str, ...]
+) -> None:
+    group, *rest = words
+    monkeypatch.setattr(sys, "argv", [group, *rest])
+    with pytest.raises(SystemExit) as stop:
+        run(GROUPS[group], group)
+    assert stop.value.code == 2
+    says(capsys.readouterr().err, *said)
+
+
+class Screen(io.StringIO):
+    """A terminal that keeps what is printed on it."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("err", [False, True])
+def test_messages_end_their_lines_between_words_and_data_does_not(monkeypatch: pytest.MonkeyPatch, err: bool) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    out, errors = Screen(), Screen()
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(sys, "stderr", errors)
+    echo("results are in plan/page: report.html, summary.json, runs.parquet and paths.parquet", err=err)
+    lines = (errors if err else out).getvalue().splitlines()
+    assert len(lines) == 3
+    assert all(len(line) <= 40 for line in lines)
+    assert "summary.json" in lines[1]
+    out.truncate(out.seek(0))
+    print_json({"text": "as long as this one is, more than forty columns"})
+    assert len(out.getvalue().splitlines()) == 1

@@ -94,3 +94,50 @@ def pages_on_paper(browser: Any) -> int:
     pdf = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"])
     assert pdf.startswith(b"%PDF")
     return pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ")
+
+
+CONTRASTS = """
+const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, share, k) => {
+  const v = rgb[k] / 255;
+  return sum + share * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+}, 0);
+const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+const ground = (element) => {
+  for (let one = element; one; one = one.parentElement) {
+    const style = getComputedStyle(one), color = parse(style.backgroundColor);
+    if (style.backgroundImage !== "none") return null;
+    if (color.length < 4 || color[3] > 0.5) return color;
+  }
+  return [255, 255, 255];
+};
+const weak = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (walk.nextNode()) {
+  const element = walk.currentNode.parentElement, text = walk.currentNode.textContent.trim();
+  if (!text || !element.getClientRects().length || element.closest("script, .badge, text.number")) continue;
+  const drawing = element.closest("svg"), style = getComputedStyle(element), behind = ground(drawing || element);
+  if (!behind) continue;
+  const [a, b] = [light(parse(drawing ? style.fill : style.color)), light(behind)];
+  const size = parseFloat(style.fontSize), large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
+  const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+  if (ratio < (large ? 3 : 4.5)) weak.push(`${text.slice(0, 30)}: ${ratio.toFixed(2)}`);
+}
+return weak;
+"""
+"""Texts that stand out too little from what is behind them (WCAG 2.2, 1.4.3, level AA)."""
+
+
+def weak_texts(browser: Any) -> list[str]:
+    """Return the texts that stand out too little from what is behind them."""
+    found: list[str] = browser.execute_script(CONTRASTS)
+    return found
+
+
+@contextmanager
+def preferring(browser: Any, scheme: str) -> Iterator[None]:
+    """Let the browser prefer `light` or `dark` pages."""
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+    try:
+        yield
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

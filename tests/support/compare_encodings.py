@@ -122,7 +122,7 @@ def agreement_table(found: dict[str, Agreement]) -> str:
                 name,
                 one.profile,
                 *cells,
-                *(f"{share:.1%}" for share in (one.same, one.carried, one.inside)),
+                *(f"{100 * share:.1f} %" for share in (one.same, one.carried, one.inside)),
                 f"{one.mean:.2f}",
             ]
         )

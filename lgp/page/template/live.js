@@ -19,9 +19,16 @@ function showBanner(kind, state, words) {
   find(".words", banner).textContent = words;
   banner.hidden = !state;
   root.classList.toggle("has-banner", Boolean(state));
+  makeRoom();
+}
+
+// The slide begins below the banner, whose words take more lines on a phone that is turned.
+function makeRoom() {
   root.style.setProperty("--banner", `${banner.offsetHeight}px`);
   if (stage) stage.fit(find("figure", player.slide));
 }
+
+addEventListener("resize", makeRoom);
 
 function onEvent({ action, state, text, plan: number, wait }) {
   // The run continues with a new plan, whose page has the same address.

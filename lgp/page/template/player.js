@@ -19,18 +19,23 @@ const player = {
   get slide() {
     return Reveal.getCurrentSlide();
   },
-  // The number of the action of a slide, -1 on the first and the number of actions on the last one.
   get action() {
-    const { action, end } = this.slide.dataset;
-    return action === undefined ? (end === "1" ? plan.actions.length : -1) : Number(action);
+    return actionOf(this.slide);
   },
 };
 window.player = player;
 player.stage = stage;
 
+// The number of the action of a slide, -1 on the first and the number of actions on the last one.
+function actionOf({ dataset: { action, end } }) {
+  return action === undefined ? (end === "1" ? plan.actions.length : -1) : Number(action);
+}
+
+// The view of an action.
+const shotOf = (number) => Math.min(Math.max(number + 1, 0), plan.actions.length);
+
 // The interval that a slide plays, and the moment that it shows: [from, to, rest] in seconds.
-function span() {
-  const number = player.action;
+function span(number = player.action) {
   if (number < 0) return [0, duration, 0];
   if (number >= plan.actions.length) return [0, duration, duration];
   return [bounds[number], bounds[number + 1], bounds[number + 1]];
@@ -94,7 +99,7 @@ function changed() {
     figure.prepend(stage.canvas);
     stage.canvas.setAttribute("aria-label", find("h1, h2", player.slide).textContent);
     stage.fit(figure);
-    const shot = Math.min(Math.max(player.action + 1, 0), plan.actions.length);
+    const shot = shotOf(player.action);
     if (player.shown !== undefined && shot !== player.shown) {
       stage.aim(player.shown);
       stage.aim(shot, QUICK);
@@ -109,6 +114,22 @@ function changed() {
   find(".next").disabled = Reveal.isLastSlide();
   show(span()[2]);
 }
+
+// On paper every slide has a picture; on the screen one scene moves from slide to slide. Pictures of slides that were not
+// shown yet would not be there in time.
+if (!stage) document.querySelectorAll(".still").forEach((picture) => (picture.loading = "eager"));
+window.addEventListener("beforeprint", () => {
+  if (!stage) return;
+  document.querySelectorAll(".slides > section").forEach((slide) => {
+    const number = actionOf(slide);
+    const picture = stage.picture(shotOf(number), span(number)[2], plan.actions[number]);
+    picture.className = "paper";
+    find("figure", slide).append(picture);
+  });
+  stage.fit(find("figure", player.slide));
+  changed();
+});
+window.addEventListener("afterprint", () => document.querySelectorAll(".paper").forEach((picture) => picture.remove()));
 
 // The end of a drag that turns the view is not a click.
 let pressed = null;

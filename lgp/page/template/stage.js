@@ -1,6 +1,8 @@
 // The scene of a plan in WebGL: `new Stage(plan.view)` shows it at any time, from any side.
 "use strict";
 
+const PAPER = [1200, 750]; // width and height of a picture [px]
+
 class Stage {
   constructor(view) {
     this.view = view;
@@ -104,11 +106,22 @@ class Stage {
     this.scene.add(this.key, this.key.target, fill);
     const floor = new THREE.Mesh(
       new THREE.CircleGeometry(0.85 * size, 72),
-      new THREE.MeshLambertMaterial({ color: linear(0xdf, 0xe4, 0xe8), alphaMap: fade(), transparent: true }),
+      new THREE.MeshLambertMaterial({ alphaMap: fade(), transparent: true }),
     );
+    this.floor = floor;
+    this.tint();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      this.tint();
+      this.draw();
+    });
     floor.position.set(middle.x, middle.y, -0.004);
     floor.receiveShadow = true;
     this.scene.add(floor);
+  }
+
+  // The floor is as light or as dark as the page, or has a colour.
+  tint(colour = getComputedStyle(document.documentElement).getPropertyValue("--floor").trim()) {
+    this.floor.material.color.set(colour).convertSRGBToLinear();
   }
 
   // Show a moment [s].
@@ -175,10 +188,33 @@ class Stage {
     this.wanted = true;
     requestAnimationFrame(() => {
       this.wanted = false;
-      if (this.marked !== null) this.ring.position.copy(this.frames[this.marked].position);
-      this.ring.quaternion.copy(this.camera.quaternion);
-      this.renderer.render(this.scene, this.camera);
+      this.render();
     });
+  }
+
+  render() {
+    if (this.marked !== null) this.ring.position.copy(this.frames[this.marked].position);
+    this.ring.quaternion.copy(this.camera.quaternion);
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  // A picture of a moment [s] for paper, as a canvas of its own; what is on the screen has to be shown again.
+  picture(shot, time, doing) {
+    const [width, height] = PAPER;
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(width, height, false);
+    this.tint("#dfe4e8");
+    this.turn = null;
+    this.setTime(time);
+    this.mark(doing ? doing.frame : null, doing && doing.radius);
+    this.aim(shot);
+    this.render();
+    const copy = document.createElement("canvas");
+    [copy.width, copy.height] = PAPER;
+    copy.getContext("2d").drawImage(this.canvas, 0, 0, width, height);
+    this.tint();
+    return copy;
   }
 }
 

@@ -61,7 +61,7 @@ def marker_recording(
         part = points if len(columns) == len(labels) else points[:, columns]
         streams.append(array_stream(name, "points", format[1], names, time, part, opened=log, up=up))
         gaps = float(np.mean(np.isnan(part[..., 0]))) if part.size else 0.0
-        why = f"{len(names)} markers" + (f" of {subject}" if subject else "") + f", {gaps:.1%} gaps"
+        why = f"{len(names)} markers" + (f" of {subject}" if subject else "") + f", {100 * gaps:.1f} % gaps"
         listed.append(Topic(name, format[1], len(time), True, why))
     if unlabelled:
         listed.append(Topic("unlabelled", format[1], len(time), False, f"{unlabelled} markers without a label"))

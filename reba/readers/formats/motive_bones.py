@@ -122,7 +122,7 @@ class BoneFrames:
         )
         gaps = float(np.mean(np.isnan(poses[..., 0])))
         others = f", {len(signals) - len(known)} others left out" if len(signals) > len(known) else ""
-        return stream, Topic(name, FORMAT, len(time), True, f"{len(known)} {kind}{others}, {gaps:.1%} gaps")
+        return stream, Topic(name, FORMAT, len(time), True, f"{len(known)} {kind}{others}, {100 * gaps:.1f} % gaps")
 
     def _turn(
         self,

@@ -170,7 +170,7 @@ def test_an_object_with_its_middle_beside_the_top(tmp_path: Path) -> None:
     audit = audit_plan(carried(tmp_path, put=(1.21, 0.0, GRIP, 0.0), over=(1.21, 0.0, GRIP + 0.2, 0.0)))
     assert {fault.kind for fault in audit.faults} == {"resting"}
     assert audit.faults[0].what == "box on table.b has its middle 10.0 mm beside the top"
-    assert audit.faults[1].what == "box on table.b has 40% of its footprint on the top"
+    assert audit.faults[1].what == "box on table.b has 40 % of its footprint on the top"
 
 
 def test_an_object_on_a_corner(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_findings_say_where_nothing_can_be_said():
 
 
 def test_a_few_runs_that_all_move_show_no_choice():
-    """Four of four leave the left table: p = .046 by the asymptotic test, .125 by the exact one."""
+    """Four of four leave the left table: p = 0.046 by the asymptotic test, 0.125 by the exact one."""
     claim = "rest start: with the ergonomic cost the choice moves from the left table to the center"
 
     def moved(count):

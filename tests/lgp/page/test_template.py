@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import json
 import queue
 import threading
@@ -13,11 +14,22 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import lgp
 from lgp.scene.scene_file import read_scene
-from tests.support.browser import chromium, complaints, needs_browser, pages_on_paper, resize, until
+from tests.support.browser import (
+    chromium,
+    complaints,
+    needs_browser,
+    pages_on_paper,
+    preferring,
+    resize,
+    until,
+    weak_texts,
+)
 from tests.support.lgp_worlds import HUMAN_ONLY
 
 PACKAGES = all(importlib.util.find_spec(name) for name in ("pyvista", "trimesh", "collada"))
@@ -99,6 +111,21 @@ def test_every_slide_offline_at_desk_and_phone(browser: Any, page: Path, width: 
     addresses = browser.execute_script("return performance.getEntriesByType('resource').map((entry) => entry.name)")
     assert all(address.startswith("file:") for address in addresses)
     assert complaints(browser) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_slides_are_as_dark_as_the_reader_wants(browser: Any, page: Path, scheme: str) -> None:
+    with preferring(browser, scheme):
+        show(browser, page.as_uri(), 1280, 800)
+        weak = []
+        for number in range(len(ACTIONS) + 2):
+            browser.execute_script("Reveal.slide(arguments[0])", number)
+            weak += weak_texts(browser)
+        picture = Image.open(io.BytesIO(browser.get_screenshot_as_png())).convert("L")
+    light = np.asarray(picture) / 255.0
+    assert weak == []
+    assert (np.median(light[:80]) < 0.3) == (np.median(light[-80:]) < 0.3) == (scheme == "dark")  # words and bar
+    assert (np.median(light[500:690, 640:]) < 0.5) == (scheme == "dark")  # floor
 
 
 def test_keys_lead_through_the_plan(browser: Any, page: Path) -> None:
@@ -253,6 +280,13 @@ def test_it_follows_a_run_and_comes_back_after_a_drop(browser: Any, serve: Calla
     banner(browser, "Waiting for you")
     assert state(browser)[0] == 3
     assert shown_instruction(browser)
+    resize(browser, 390, 800)  # a phone that is turned: the words of the banner take more lines
+    until(
+        browser,
+        """document.querySelector(".banner").getBoundingClientRect().bottom
+        <= Reveal.getCurrentSlide().getBoundingClientRect().top + 0.5""",
+    )
+    resize(browser, 900, 700)
     stopped = {"action": 0, "state": "waiting", "text": "Please wait. The box was moved.", "time": 2.2, "wait": True}
     events.put(stopped)
     banner(browser, "Please waitThe box was moved")
@@ -292,4 +326,36 @@ def test_prints_a_page_for_each_slide_and_no_notes(browser: Any, page: Path) -> 
     resize(browser, 1280)
     browser.get(page.as_uri())
     until(browser, "document.querySelectorAll('section').length")
-    assert pages_on_paper(browser) == browser.execute_script("return document.querySelectorAll('section').length")
+    slides = browser.execute_script("return document.querySelectorAll('section').length")
+    assert pages_on_paper(browser) == slides
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_slide_has_its_picture_on_paper(browser: Any, page: Path, scheme: str) -> None:
+    with preferring(browser, scheme):
+        show(browser, page.as_uri())
+        browser.execute_script("Reveal.slide(2)")
+        before = browser.execute_script("return [player.time, player.stage.camera.aspect, player.stage.marked]")
+        browser.execute_script("dispatchEvent(new Event('beforeprint'))")
+        pictures = browser.execute_script(
+            """return [...document.querySelectorAll("section")].map((slide) => {
+              const picture = slide.querySelector("canvas.paper");
+              const { data } = picture.getContext("2d").getImageData(0, 0, picture.width, picture.height);
+              let [drawn, sum] = [0, 0];
+              for (let i = 0; i < data.length; i += 4)
+                if (data[i + 3] > 250) [drawn, sum] = [drawn + 1, sum + data[i + 1]];
+              return [drawn / (data.length / 4), sum / drawn];
+            })"""
+        )
+        after = browser.execute_script("return [player.time, player.stage.camera.aspect, player.stage.marked]")
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        heights = browser.execute_script(
+            "return [...document.querySelectorAll('.paper')].map((one) => one.getBoundingClientRect().height)"
+        )
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+        browser.execute_script("dispatchEvent(new Event('afterprint'))")
+    assert len(pictures) == len(ACTIONS) + 2
+    assert all(share > 0.1 and light > 120 for share, light in pictures), pictures  # light also where the page is dark
+    assert min(heights) > 200
+    assert after == before
+    assert browser.execute_script("return document.querySelectorAll('.paper').length") == 0

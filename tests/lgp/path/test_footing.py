@@ -63,7 +63,7 @@ def test_half_of_a_rod_is_on_the_table_whose_corner_is_nearest(
 def test_a_table_that_is_too_narrow_is_named(tmp_path: Path) -> None:
     plan = planned(scene(tmp_path, 0.0, size=[0.15, 0.4]))
     assert not plan.feasible
-    says(plan.reason, "place(2, gantry.hand, box, table.b)", "37% of the footprint of box is on table.b")
+    says(plan.reason, "place(2, gantry.hand, box, table.b)", "37 % of the footprint of box is on table.b")
     along = planned(scene(tmp_path, 90.0, size=[0.15, 0.4]))
     assert along.feasible, along.reason
 

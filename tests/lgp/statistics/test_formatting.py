@@ -8,7 +8,7 @@ from lgp.statistics.formatting import p_text, p_value
 
 
 def test_p_values_in_words() -> None:
-    assert [p_text(p) for p in (0.5, 0.0451, 1e-9, None)] == ["p = .500", "p = .045", "p < .001", "p not defined"]
+    assert [p_text(p) for p in (0.5, 0.0451, 1e-9, None)] == ["p = 0.500", "p = 0.045", "p < 0.001", "p not defined"]
 
 
 @pytest.mark.parametrize(

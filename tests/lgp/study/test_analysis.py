@@ -104,7 +104,7 @@ def test_few_people() -> None:
     assert alone["verdict"].startswith("No test can be made: 1 participant ")
     assert alone[TOTAL]["pairs"][0]["p"] is None
     five = summary_of(table(1.0, people=5))
-    assert any("5 pairs" in warning and "cannot reach p < .05" in warning for warning in five["warnings"])
+    assert any("5 pairs" in warning and "cannot reach p < 0.05" in warning for warning in five["warnings"])
 
 
 def test_one_condition_and_zero_variance() -> None:

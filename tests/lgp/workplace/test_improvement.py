@@ -1,6 +1,7 @@
 """`lgp.improve`: exact scores as the surface moves, on real and simulated recordings."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import lgp
 import reba
 from lgp.workplace.report import render
-from lgp.workplace.wording import assumptions, move, result
+from lgp.workplace.wording import assumptions, move, nearness, result
 from tests.support.paths import DATASETS
 from tests.support.says import says
 
@@ -87,6 +88,13 @@ def test_a_real_recording_whose_wrists_were_not_measured():
     assert moment.fit[0] < 0.5
 
 
+def test_how_near_the_body_comes_is_said_where_it_differs(moved):
+    (moment,) = moved.moments
+    near, far = (replace(moment, fit=fit) for fit in ((0.01, 0.04, "trunk flexion"), (0.5, 2.1, "neck twist")))
+    assert nearness(near) == "The body has the measured angles."
+    assert nearness(far).endswith("within 0.5 deg on average, 2.1 deg at most (neck twist).")
+
+
 def test_the_worst_postures_by_default(scores):
     moved = lgp.improve(scores, heights=(0.9, 0.9), distances=(0.3, 0.3), step=0.3)
     assert len(moved.moments) == 3
@@ -124,7 +132,7 @@ def test_the_page_states_what_was_found(moved):
         "out of reach",
         "lgp improve shift.mcap",
         "soles on the floor",
-        "angles within",
+        nearness(moment),
     ):
         assert words in text
     assert text.count("<svg") == 3

@@ -16,12 +16,13 @@ from typing import Any
 import pytest
 
 import reba
-from reba.analysis.wording import percent
+from reba.analysis.wording import percent, span
 from reba.app.recordings import Recordings
 from reba.app.server import AppServer
 from reba.errors import RebaError
 from reba.loopback import MAX_CONNECTIONS
-from tests.support.browser import chromium, needs_browser, resize, until
+from tests.reba.readers.test_whole_recording import JOINTS, state, write
+from tests.support.browser import chromium, needs_browser, preferring, resize, until, visible, weak_texts
 from tests.support.paths import ROOT
 from tests.support.says import says
 
@@ -81,7 +82,12 @@ def test_scores_are_those_of_the_command(address: str) -> None:
     assert b"second half" in page
     assert ask(address, "GET", f"/results/{result['id']}/scores.xlsx")[1].startswith(b"PK")
     status, compared = ask(address, "POST", "/comparison", {"first": result["id"], "second": result["id"]})
-    assert (status, compared["a"]) == (200, compared["b"])
+    assert status == 200
+    assert compared["verdicts"] == [["first half", result["rows"][0]["verdict"]]] * 2
+    ends = reba.score(reba.read(RECORDING, end=30.0), load=8, coupling="fair").summary()["range"]
+    p90 = span(ends["p90_low"], ends["p90_high"])
+    assert compared["rows"][0] == ["REBA, 90th percentile", p90, p90, "\u22121 to +1"]
+    assert [row[0] for row in compared["rows"]][-1] == "Time at REBA 8 or more, share"
     status, page = ask(address, "GET", f"/results/{compared['id']}/report.html")
     assert status == 200
     assert b"B minus A" in page
@@ -91,6 +97,37 @@ def test_scores_are_those_of_the_command(address: str) -> None:
     says(refused["error"], "comparison", "choose two results")
     assert ask(address, "DELETE", f"/recordings/{key}")[0] == 200
     assert ask(address, "GET", f"/recordings/{key}")[0] == 400
+
+
+def test_a_recording_is_read_by_the_neutral_posture_and_the_person_that_are_chosen(
+    address: str, tmp_path: Path
+) -> None:
+    points = ROOT / "datasets" / "balancing_keypoints.trc"
+    key = uploaded(address, points)
+    before = ask(address, "GET", f"/recordings/{key}")[1]
+    assert "--" not in str(before)  # options are those of the command
+    assert before["topics"] == []
+    assert "give one below" in str(before["warnings"])
+    after = ask(address, "GET", f"/recordings/{key}?neutral=first:0.5s")[1]
+    assert (after["warnings"], after["assumed"][0]) == ([], before["assumed"][0])
+    assert "neutral posture from" in after["assumed"][1]
+    scored = ask(address, "POST", f"/recordings/{key}/scores", {"neutral": "first:0.5s"})[1]
+    right = reba.score(reba.read(points, neutral="first:0.5s")).summary()
+    assert scored["rows"][0]["range"] == right["range"] != reba.score(reba.read(points)).summary()["range"]
+
+    rows = [
+        state(at, at, [f"{body}_{name}" for name in JOINTS], channel=1) for at in range(300) for body in ("ann", "bob")
+    ]
+    key = uploaded(address, write(tmp_path / "two.mcap", rows))
+    about = ask(address, "GET", f"/recordings/{key}")[1]
+    assert not about["usable"]
+    assert about["recognised"].endswith("; choose one below")
+    assert about["topics"] == ["/joint_states#ann", "/joint_states#bob"]
+    assert ask(address, "GET", f"/recordings/{key}?topic=%2Fjoint_states%23bob")[1]["usable"]
+    assert ask(address, "POST", f"/recordings/{key}/scores", {"topic": "/joint_states#bob"})[0] == 200
+    status, refused = ask(address, "POST", f"/recordings/{key}/scores", {})
+    assert status == 400
+    assert refused["error"].endswith("; choose one below")
 
 
 @pytest.mark.parametrize(
@@ -205,6 +242,10 @@ def test_uploads_that_fall_silent_hold_up_no_other_one(tmp_path: Path) -> None:
         ({"tasks": {}}, ("tasks", "list")),
         ({"tasks": [{"name": 5}]}, ("task", "text")),
         ({"tasks": [{"begin": 5}]}, ("task", "start")),
+        ({"neutral": "first:0s"}, ("neutral", "first:0s")),
+        ({"neutral": 3}, ("neutral", "3")),
+        ({"topic": "/none"}, ("no stream '/none'",)),
+        ({"topic": ["/none"]}, ("topic", "list", "text")),
         ({"shock": "yes"}, ("shock", "'yes'", "true")),
         ({"arm_supported": 1}, ("arm_supported", "1", "true")),
         ({"tasks": [{"name": "late", "start": 1e6}]}, ("1",)),
@@ -246,9 +287,25 @@ def test_from_drop_to_download(address: str, tmp_path: Path) -> None:
         compared = browser.find_element("id", "compared")
         assert "undetermined" not in compared.text
         assert len(compared.find_elements("css selector", ".verdict, a")) == 4
+        for link in browser.find_elements("css selector", "details > summary, .add"):
+            link.click()
         resize(browser, 390)
+        assert browser.find_elements("css selector", ".tasks input")
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+        damaged = tmp_path / "damaged.csv"
+        damaged.write_text("time,trunk_flexion\n0,abc\n")
+        browser.find_element("id", "files").send_keys(str(damaged))
+        until(browser, "document.querySelector('.alarm')")
+        assert visible(browser, "form") == 2
+        for card in browser.find_elements("css selector", ".recording")[1:]:
+            card.find_element("class name", "remove").click()
+        assert len(browser.find_elements("css selector", ".recording")) == 1
+        refused = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+        assert ["status of 400" in entry["message"] for entry in refused] == [True]
+        for scheme in ("light", "dark"):
+            with preferring(browser, scheme):
+                assert weak_texts(browser) == []
         link = browser.find_element("link text", "Open the report").get_attribute("href")
         browser.get(link)
-        assert "REBA" in browser.title
+        until(browser, "document.title.includes('REBA')")
         assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

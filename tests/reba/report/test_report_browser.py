@@ -19,7 +19,17 @@ from reba.printable import WITH_UNIT, joined
 from reba.report import write_report
 from reba.report.what_if import what_if
 from reba.scores import Scores
-from tests.support.browser import complaints, needs_browser, pages_on_paper, resize, too_wide, until, visible
+from tests.support.browser import (
+    complaints,
+    needs_browser,
+    pages_on_paper,
+    preferring,
+    resize,
+    too_wide,
+    until,
+    visible,
+    weak_texts,
+)
 
 pytestmark = [pytest.mark.slow, needs_browser]
 
@@ -230,6 +240,36 @@ def test_nothing_is_cut_or_leaves_its_frame(browser: Any, tmp_path: Path) -> Non
         assert ("local" in browser.execute_script(shadows)) == (width < 700), "what goes on behind an edge has a shadow"
 
 
+def test_numbers_of_worst_intervals_are_whole_where_they_crowd(browser: Any, tmp_path: Path) -> None:
+    def at(*peaks: float, seconds: float) -> Scores:
+        time = np.arange(0, seconds, 0.04)
+        trunk = np.where(np.min([np.abs(time - peak) for peak in peaks], axis=0) < 0.3, 80.0, 5.0)
+        return reba.score(pd.DataFrame({"time": time, "trunk_flexion": trunk}), load=12.0)
+
+    path = tmp_path / "crowded.html"
+    write_report([at(0.1, 2.0, seconds=3.0), at(55.0, 57.5, 59.9, seconds=60.0)], path)
+    resize(browser, 390)
+    browser.get("about:blank")
+    noting = """addEventListener('DOMContentLoaded', () => {
+        const pens = CanvasRenderingContext2D.prototype, { rect, fillRect } = pens;
+        window.numbers = [];
+        pens.rect = function (...box) { this.frame = box; rect.apply(this, box); };
+        pens.fillRect = function (...box) {
+          if (box[2] === 16 && box[3] === 16) numbers.push([box[0], this.frame[0], this.frame[0] + this.frame[2]]);
+          fillRect.apply(this, box);
+        };
+      })"""
+    script = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": noting})
+    try:
+        show(browser, path, 390)
+        readout(browser)
+        numbers = browser.execute_script("return numbers")
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+    assert len(numbers) >= 5
+    assert all(left <= number and number + 16 <= right for number, left, right in numbers)
+
+
 def test_a_number_stays_with_its_unit(browser: Any, report: Path) -> None:
     show(browser, report, 390)
     readout(browser)
@@ -316,44 +356,12 @@ def test_prints_as_pages(browser: Any, report: Path) -> None:
     assert 4 <= pages_on_paper(browser) <= 30
 
 
-CONTRASTS = """
-const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, share, k) => {
-  const v = rgb[k] / 255;
-  return sum + share * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
-}, 0);
-const parse = (text) => text.match(/[\\d.]+/g).map(Number);
-const ground = (element) => {
-  for (let one = element; one; one = one.parentElement) {
-    const style = getComputedStyle(one), color = parse(style.backgroundColor);
-    if (style.backgroundImage !== "none") return null;
-    if (color.length < 4 || color[3] > 0.5) return color;
-  }
-  return [255, 255, 255];
-};
-const weak = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-while (walk.nextNode()) {
-  const element = walk.currentNode.parentElement, text = walk.currentNode.textContent.trim();
-  if (!text || !element.getClientRects().length || element.closest("script, .badge, text.number")) continue;
-  const drawing = element.closest("svg"), style = getComputedStyle(element), behind = ground(drawing || element);
-  if (!behind) continue;
-  const [a, b] = [light(parse(drawing ? style.fill : style.color)), light(behind)];
-  const size = parseFloat(style.fontSize), large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
-  const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-  if (ratio < (large ? 3 : 4.5)) weak.push(`${text.slice(0, 30)}: ${ratio.toFixed(2)}`);
-}
-return weak;
-"""
-"""Texts that stand out too little from what is behind them (WCAG 2.2, 1.4.3, level AA)."""
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_stands_out(browser: Any, report: Path, scheme: str) -> None:
-    features = [{"name": "prefers-color-scheme", "value": scheme}]
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-    show(browser, report, 1280)
-    weak = browser.execute_script(CONTRASTS)
-    dark = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    with preferring(browser, scheme):
+        show(browser, report, 1280)
+        weak = weak_texts(browser)
+        dark = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
     assert weak == []
     assert (dark == "rgb(20, 24, 30)") == (scheme == "dark")
 

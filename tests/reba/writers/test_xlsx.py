@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -69,16 +70,33 @@ def test_sheets_hold_what_the_other_formats_do(tmp_path: Path) -> None:
     reba.write_scores(scores, tmp_path / "s.xlsx")
     reba.write_scores(scores, tmp_path / "s.csv")
     book = openpyxl.load_workbook(tmp_path / "s.xlsx", read_only=True)
-    assert book.sheetnames == ["Summary", "Intervals", "Frames", "Worksheet", "Tables", "Record"]
+    assert book.sheetnames == ["Summary", "Intervals", "Frames", "Worksheet", "Tables", "Details", "Record"]
     assert book["Record"].sheet_state == "hidden"
     frames = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Frames")
     pd.testing.assert_frame_equal(frames, pd.read_csv(tmp_path / "s.csv"), check_dtype=False, rtol=1e-15)
-    summary = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Summary").set_index("what")["value"]
+    summary = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Details").set_index("what")["value"]
     assert summary["reba.max"] == scores.summary()["reba"]["max"]
     assert summary["provenance.version"] == reba.__version__
     assert summary["rules.name"] == "measured"
     worst = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Intervals")
     assert worst["worst [s]"].tolist() == [one["time"] for one in scores.summary()["worst"]]
+
+
+def test_the_first_sheet_is_for_people(tmp_path: Path) -> None:
+    scores = scored(RULES[0])
+    reba.write_scores(scores, tmp_path / "s.xlsx")
+    shown = pd.read_excel(tmp_path / "s.xlsx", sheet_name="Summary").set_index("what")
+    value, highest = shown["value"], shown["highest, where angles were not measured"]
+    summary = scores.summary()
+    assert value["Result"] == summary["verdict"]["text"]
+    for name, title in (("p90", "90th percentile"), ("mean", "mean"), ("max", "maximum")):
+        low, high = (summary["range"][f"{name}_{end}"] for end in ("low", "high"))
+        assert value[f"REBA, {title}"] == pytest.approx(low, abs=0.005)
+        assert np.isnan(highest[f"REBA, {title}"]) if low == high else highest[f"REBA, {title}"] == round(high, 2)
+    shares = value[[name for name in shown.index if "of the time]" in name]].astype(float)
+    assert len(shares) == 6
+    assert shares.sum() == pytest.approx(100.0, abs=0.05)
+    assert not any(re.search(r"[a-z]\.[a-z]|_", name) for name in shown.index)  # words, no names of fields
 
 
 def test_a_workbook_of_scores_is_read_back(tmp_path: Path) -> None:
@@ -109,8 +127,8 @@ def test_characters_that_no_workbook_holds_are_written_as_their_codes(tmp_path: 
     reba.write_scores(reba.score(table), tmp_path / "scores.xlsx")
     frames = pd.read_excel(tmp_path / "out.xlsx", sheet_name="Frames")
     assert frames["note\\x1b[2J"].tolist() == ["a\\ufffeb", "\\x07"]
-    texts = pd.read_excel(tmp_path / "scores.xlsx", sheet_name="Summary").astype(str).to_string()
-    assert "\x1b" not in texts
+    for sheet in ("Summary", "Details"):
+        assert "\x1b" not in pd.read_excel(tmp_path / "scores.xlsx", sheet_name=sheet).astype(str).to_string()
 
 
 def test_a_sheet_of_another_program_with_the_name_is_a_sheet(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def test_points_are_metres_and_gaps_are_nan(tmp_path: Path) -> None:
     np.testing.assert_allclose(block.values[0, 0], [0.1, 0.2, 0.3])
     assert np.isnan(block.values[1:, 0]).all()
     assert recording.log.warnings == []
-    assert "33.3% gaps" in recording.topics[0].why
+    assert "33.3 % gaps" in recording.topics[0].why
 
 
 @pytest.mark.parametrize(("unit", "metre"), [("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("Meters", 1.0)])
