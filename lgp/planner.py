@@ -63,7 +63,7 @@ COST_MODEL: Final = Allowed(
 INTERRUPTED: Final = SearchStatus.INTERRUPTED.name.lower()
 """`Plan.status` after an interrupt."""
 SEARCH_SHARE: Final = 0.6
-"""Share of the time limit that a search has where concurrent actions of its plan are tried after it."""
+"""Share of the time limit after which a search with a plan ends where concurrent actions of it are tried then."""
 SECONDS: Final = Allowed("seconds above 0", lambda value: is_number(value) and value > 0)
 
 
@@ -151,7 +151,7 @@ def plan(
 
 def with_time_left(budget: Budget, scene: Scene) -> Budget:
     """Return the budget of a search that leaves time for concurrent actions, where its scene asks for them."""
-    return replace(budget, seconds=SEARCH_SHARE * budget.seconds) if scene.concurrent else budget
+    return replace(budget, improving=SEARCH_SHARE * budget.seconds) if scene.concurrent else budget
 
 
 def plan_within(
@@ -176,7 +176,7 @@ def _with_better_motion(bounds: PathBounds, result: SearchResult, budget: Budget
         known = SearchProgress("improving the motion", len(result.nodes), paths, result.cost, result.bound)
         budget.on_progress(known)
     try:
-        with time_limit(budget.seconds - result.seconds), stopped_at_limit():
+        with time_limit(min(budget.seconds, budget.improving) - result.seconds), stopped_at_limit():
             better = bounds.improved(result.skeleton)
     except TimeIsUp:
         return replace(result, seconds=result.seconds + time.perf_counter() - begin)

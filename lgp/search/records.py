@@ -126,6 +126,7 @@ class Budget:
         depth: longest sequence.
         calls: level -> maximum number of problems solved; other levels are not limited.
         seconds: wall-clock time [s]; a search that ends by it is not repeatable.
+        improving: wall-clock time [s] after which a search ends that has a plan.
         keep_interrupted: an interrupt (Ctrl-C) ends the search with the best plan so far; otherwise it is raised.
         on_progress: called with what is known so far, a few times a second between problems.
     """
@@ -133,6 +134,7 @@ class Budget:
     depth: int = 6
     calls: Mapping[str, int] = field(default_factory=dict)
     seconds: float = math.inf
+    improving: float = math.inf
     keep_interrupted: bool = False
     on_progress: Callable[[SearchProgress], None] | None = None
 

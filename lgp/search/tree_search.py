@@ -22,7 +22,7 @@ import math
 import re
 import time
 from collections.abc import Iterator
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, suppress
 
 from lgp.logic.heuristic import relaxed_plan, why_unreachable
 from lgp.logic.impossible import exclusive_goals, fewest_actions
@@ -98,16 +98,23 @@ class _Search:
         try:
             with time_limit(self.budget.seconds):
                 with suppress(TimeIsUp):
-                    while not time_is_up() and (self.open or self._reopen() or self.postponed):
+                    while not self._time_is_up() and (self.open or self._reopen() or self.postponed):
                         self._report()
                         self._step()
                 # What was cut short at the last problem proves nothing either.
-                self.cut_short = time_is_up()
+                self.cut_short = self._time_is_up()
         except KeyboardInterrupt:
             if not self.budget.keep_interrupted:
                 raise
             return self._result(SearchStatus.INTERRUPTED, self._open_bound(), "interrupted")
         return self._finish()
+
+    def _time_is_up(self) -> bool:
+        return time_is_up() or (self.incumbent is not None and self._improving_left() <= 0.0)
+
+    def _improving_left(self) -> float:
+        """Return how long [s] the search may go on with a plan."""
+        return self.budget.improving - (time.perf_counter() - self.start)
 
     def _report(self) -> None:
         """Tell the progress where that is asked for, no more often than is read: its bound is over all nodes."""
@@ -292,7 +299,10 @@ class _Search:
         parent = self.nodes[node.parent].result if node.result is None and node.parent >= 0 else node.result
         more = {"thorough": True} if thorough else {}
         try:
-            with nullcontext() if self.incumbent is None else stopped_at_limit():
+            with ExitStack() as limits:
+                if self.incumbent is not None:
+                    limits.enter_context(time_limit(self._improving_left()))
+                    limits.enter_context(stopped_at_limit())
                 result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
         except (KeyboardInterrupt, TimeIsUp):
             self.open.push(node)  # its bound is part of what is still open

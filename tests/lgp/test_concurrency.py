@@ -124,7 +124,8 @@ def test_what_time_leaves_no_room_for_is_dropped(both: lgp.Plan) -> None:
 
 def test_a_search_leaves_time_for_concurrent_actions(both: lgp.Plan) -> None:
     limit = Budget(seconds=10.0)
-    assert with_time_left(limit, both.scene).seconds == pytest.approx(6.0)
+    left = with_time_left(limit, both.scene)
+    assert (left.improving, left.seconds) == (pytest.approx(6.0), 10.0), "without a plan there is nothing else to do"
     assert with_time_left(limit, replace(both.scene, concurrent=False)) == limit
     task, bounds = task_of(both.scene), PathBounds(World(both.scene), collisions=False)
     alone = plan_within(bounds, task, parse_sequence(task, [*LEFT, *RIGHT]))

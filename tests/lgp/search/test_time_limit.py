@@ -38,7 +38,8 @@ def test_only_what_is_not_needed_is_stopped_in_the_middle() -> None:
         stop_if_time_is_up()
 
 
-def test_with_a_plan_a_search_stops_in_the_middle_of_a_problem() -> None:
+@pytest.mark.parametrize("budget", [Budget(depth=5, seconds=0.3), Budget(depth=5, improving=0.3)])
+def test_with_a_plan_a_search_stops_in_the_middle_of_a_problem(budget: Budget) -> None:
     class Endless(RandomBounds):
         """Solves one path; the next problem has no end."""
 
@@ -53,11 +54,25 @@ def test_with_a_plan_a_search_stops_in_the_middle_of_a_problem() -> None:
             return result
 
     done: list[str] = []
-    result = search(task(), Endless(5, 0.0), Budget(depth=5, seconds=0.3))
+    result = search(task(), Endless(5, 0.0), budget)
     assert result.status is SearchStatus.GAP
     assert result.skeleton
     assert result.bound < result.cost
     assert result.seconds < 10.0
+
+
+def test_without_a_plan_a_search_goes_on_until_its_time_is_up() -> None:
+    class Late(RandomBounds):
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = float("inf")
+        ) -> BoundResult:
+            time.sleep(0.1)
+            return super().solve(level, skeleton, warm, limit)
+
+    result = search(task(), Late(5, 0.0), Budget(depth=5, improving=0.05))
+    assert result.skeleton
+    assert result.status is SearchStatus.GAP
+    assert result.statistics["path"].solved == 1
 
 
 def test_paths_ask_for_the_limit_in_every_iteration() -> None:
