@@ -102,7 +102,8 @@ def plan(
             number of the phase may be left out, and actions with the same one happen at the same time.
         depth: longest sequence of actions, the scene's by default.
         seconds: wall-clock limit of the search or of the given sequence [s], concurrent actions included; the best plan
-            so far is returned. Only while there is none, the path that is being solved then is finished.
+            so far is returned. Only while there is none, the path that is being solved then has 10 s more, or a
+            tenth of the limit; that of a given sequence is finished.
         start: initial configuration (nq,) [rad, m] in the order of `Plan.joints`, the scene's by default.
         slices: per phase, the scene's by default.
         weights: of the terms of the cost, by default those of the scene.

@@ -1,7 +1,7 @@
 """The time limit of a search, which problems ask for while they are solved.
 
 What only improves a known plan is stopped at the limit, in the middle of a solve; without a plan the path that is being
-solved is finished.
+solved has some more time.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 @contextmanager
-def stopped_at_limit() -> Iterator[None]:
-    """Let `stop_if_time_is_up` stop what is solved in here once the time limit is reached."""
-    token = _STOP.set(_END.get())
+def stopped_at_limit(grace: float = 0.0) -> Iterator[None]:
+    """Let `stop_if_time_is_up` stop what is solved in here so many seconds after the time limit."""
+    token = _STOP.set(_END.get() + grace)
     try:
         yield
     finally:

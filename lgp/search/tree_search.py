@@ -46,6 +46,8 @@ PATIENCE = 100
 """Nodes extended until a search without a plan goes depth first."""
 PHASE = re.compile(r"phase \d+, (\w+)\(\d+, ")
 """The number of a phase in a reason."""
+GRACE_SECONDS, GRACE_SHARE = 10.0, 0.1
+"""[s] What the first path may take after the time limit, or that share of the limit where it is more."""
 REPORT_EVERY = 0.2
 """[s] Least time between two reports of the progress."""
 BOUND_EVERY = 4
@@ -302,7 +304,8 @@ class _Search:
             with ExitStack() as limits:
                 if self.incumbent is not None:
                     limits.enter_context(time_limit(self._improving_left()))
-                    limits.enter_context(stopped_at_limit())
+                grace = max(GRACE_SECONDS, GRACE_SHARE * self.budget.seconds) if self.incumbent is None else 0.0
+                limits.enter_context(stopped_at_limit(grace))
                 result = self.bounds.solve(name, node.skeleton, parent, self._best_cost(), **more)
         except (KeyboardInterrupt, TimeIsUp):
             self.open.push(node)  # its bound is part of what is still open

@@ -10,6 +10,7 @@ from lgp.kinematics.world import World
 from lgp.path.bounds import PathBounds
 from lgp.planner import follow, parse_sequence, task_of
 from lgp.scene.scene_file import read_scene
+from lgp.search import tree_search
 from lgp.search.records import BoundResult, Budget, SearchStatus, Skeleton
 from lgp.search.time_limit import TimeIsUp, stop_if_time_is_up, stopped_at_limit, time_is_up, time_limit
 from lgp.search.tree_search import search
@@ -59,6 +60,23 @@ def test_with_a_plan_a_search_stops_in_the_middle_of_a_problem(budget: Budget) -
     assert result.skeleton
     assert result.bound < result.cost
     assert result.seconds < 10.0
+
+
+def test_without_a_plan_the_path_that_is_being_solved_has_little_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Endless(RandomBounds):
+        def solve(
+            self, level: str, skeleton: Skeleton, warm: BoundResult | None, limit: float = float("inf")
+        ) -> BoundResult:
+            while level == "path":
+                time.sleep(0.01)
+                stop_if_time_is_up()
+            return super().solve(level, skeleton, warm, limit)
+
+    monkeypatch.setattr(tree_search, "GRACE_SECONDS", 0.3)
+    result = search(task(), Endless(5, 0.0), Budget(depth=5, seconds=0.3))
+    assert result.status is SearchStatus.EXHAUSTED
+    assert 0.6 <= result.seconds < 10.0
+    says(result.reason, "time limit of 0.3 s", "allow more")
 
 
 def test_without_a_plan_a_search_goes_on_until_its_time_is_up() -> None:
