@@ -44,7 +44,7 @@ COMPARABLE_VIOLATION = 1e-2
 """[m, rad] Violation up to which the cost is near that of the feasible path."""
 STUCK, STUCK_ROUNDS = (SolveStatus.INFEASIBLE, SolveStatus.STALLED), 2
 """Rounds in turn that end so, with a larger violation: more constraints get no path out of there."""
-HOPELESS_ROUNDS = 2
+IMPLAUSIBLE_ROUNDS = 2
 """Rounds in turn that cost too much before any path is found: they hardly ever lead back to a cheap one."""
 DEARER = 1.01
 """Cost of a path with part of its constraints, relative to the best plan, from which on it is given up: constraints
@@ -66,7 +66,7 @@ def solve_constrained(
     rounds: int = ROUNDS,
     cost_limit: float = math.inf,
     unsettled: float = 1.0,
-    hopeless: float = math.inf,
+    plausible: float = math.inf,
     coarse: bool = False,
 ) -> tuple[PathProblem, Result]:
     """Return the problem of the last round and its result; constraints left violated show that it failed.
@@ -78,11 +78,11 @@ def solve_constrained(
         solved: whether `first` is at its minimum; otherwise it is an initial guess only.
         cost_limit: cost at which to stop: more constraints seldom make a path cheaper.
         unsettled: the same relative to `cost_limit` after a round that did not end at a minimum.
-        hopeless: cost of `HOPELESS_ROUNDS` rounds in turn, whose constraints are far from holding, at which to stop.
+        plausible: cost above which `IMPLAUSIBLE_ROUNDS` rounds in turn whose constraints are far from holding end it.
         coarse: whether constraints that the last round violates, and that were not active in it, are left out.
     """
     problem, result = problem_of(constraints), first
-    final, stuck, dear = solved, 0, 0
+    final, stuck, implausible = solved, 0, 0
     for number in range(rounds):
         violated = constraints.add_violated(*problem.split(result.x))
         if not violated and final:
@@ -102,8 +102,8 @@ def solve_constrained(
         )
         result = Solver(limited).solve(problem, result.x, warm=_with_new_multipliers(result, problem))
         stuck = stuck + 1 if result.status in STUCK and result.violation > COMPARABLE_VIOLATION else 0
-        dear = dear + 1 if result.cost > hopeless and result.violation > COMPARABLE_VIOLATION else 0
-        if stuck == STUCK_ROUNDS or dear == HOPELESS_ROUNDS or exceeds(result, cost_limit, unsettled):
+        implausible = implausible + 1 if result.cost > plausible and result.violation > COMPARABLE_VIOLATION else 0
+        if stuck == STUCK_ROUNDS or implausible == IMPLAUSIBLE_ROUNDS or exceeds(result, cost_limit, unsettled):
             break
         # At a stationary point of the violation a solve to the final tolerance would not reduce it either.
         final = final or result.status is SolveStatus.INFEASIBLE
@@ -133,7 +133,7 @@ def solve_contacts(
 
 
 def solve_coarse_to_fine(
-    problem_of: ProblemOf, constraints: MotionConstraints, first: Result, cost_limit: float, hopeless: float
+    problem_of: ProblemOf, constraints: MotionConstraints, first: Result, cost_limit: float, plausible: float
 ) -> tuple[PathProblem, Result]:
     """Return the path, to a coarse tolerance, whose bodies are first apart at the ends of phases, then between them.
 
@@ -153,7 +153,7 @@ def solve_coarse_to_fine(
             CANDIDATE_OPTIONS,
             solved=False,
             rounds=CANDIDATE_ROUNDS,
-            hopeless=hopeless,
+            plausible=plausible,
             coarse=True,
         )
         if result.violation > COMPARABLE_VIOLATION or exceeds(result, cost_limit):
@@ -258,7 +258,7 @@ def multi_start(
         improved = IMPROVEMENT * least
         limit = min(improved, cost_limit)
         start = replace(begin, x=problem.join(*guess.motion))
-        hopeless = min(limit, PLAUSIBLE_RATIO * contacts.cost)
+        plausible = min(limit, PLAUSIBLE_RATIO * contacts.cost)
         if guess.gradual:
             solved = solve_coarse_to_fine(problem_of, constraints, start, limit, PLAUSIBLE_RATIO * contacts.cost)
         else:
@@ -270,7 +270,7 @@ def multi_start(
                 solved=False,
                 rounds=CANDIDATE_ROUNDS,
                 cost_limit=limit,
-                hopeless=hopeless,
+                plausible=plausible,
                 coarse=True,
             )
         candidate = CandidatePath(constraints, *solved)

@@ -224,7 +224,7 @@ class PathSolver:
             solved=False,
             cost_limit=limit,
             unsettled=UNSETTLED,
-            hopeless=min(limit, PLAUSIBLE_RATIO * contacts.cost),
+            plausible=min(limit, PLAUSIBLE_RATIO * contacts.cost),
         )
         too_dear = exceeds(solved[1], limit, UNSETTLED)
         nearest = self._given_up(*solved) if too_dear else self.accept(*solved, free.starts)
